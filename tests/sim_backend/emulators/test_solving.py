@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from waiting import until
 
 from drivers import Pose, SimulatedClock, WallClock
 from sim_backend import load_scene
@@ -29,18 +30,11 @@ def solver() -> Iterator[Solver]:
     made.close()
 
 
-def wait_for(solver: Solver, target: tuple[float, float, float]) -> None:
-    end_s = time.monotonic() + 60
-    while not solver.ready(target):
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
-
-
 def test_a_place_is_solved_elsewhere_and_to_the_digit(solver: Solver) -> None:
     began = time.monotonic()
     assert not solver.ready(OFF_THE_RASTER)
     assert time.monotonic() - began < 0.5  # whatever it takes to solve
-    wait_for(solver, OFF_THE_RASTER)
+    until(lambda: solver.ready(OFF_THE_RASTER), 60.0)
     phantom = solver._phantom
     phantom.tip.move(phantom.clock.now(), OFF_THE_RASTER, 1.0, 100.0)
     felt = phantom.force_n(np.array([phantom.clock.now() + 1.0]))
@@ -53,7 +47,7 @@ def test_a_place_is_solved_elsewhere_and_to_the_digit(solver: Solver) -> None:
 def test_an_array_s_taxels_are_solved_elsewhere_too(solver: Solver) -> None:
     phantom, array = solver._phantom, TaxelArray(1, 5)
     phantom.feel_with(array)
-    wait_for(solver, OFF_THE_RASTER)
+    until(lambda: solver.ready(OFF_THE_RASTER), 60.0)
     phantom.tip.move(phantom.clock.now(), OFF_THE_RASTER, 1.0, 100.0)
     at = np.array([phantom.clock.now() + 1.0])
     taxels = phantom.taxels_n(at)
@@ -64,7 +58,7 @@ def test_an_array_s_taxels_are_solved_elsewhere_too(solver: Solver) -> None:
 def test_the_air_needs_no_solution_but_asks_for_it(solver: Solver) -> None:
     above = (0.0223, 0.0, 0.004)
     assert solver.ready(above)
-    wait_for(solver, OFF_THE_RASTER)  # asked for while the tip was above
+    until(lambda: solver.ready(OFF_THE_RASTER), 60.0)  # asked for while the tip was above
 
 
 def test_a_robot_holds_its_move_and_goes_on_telling(winkler: Respond) -> None:

@@ -44,8 +44,6 @@ def test_hertz(poisson: float) -> None:
 
 
 def test_the_way_down_belongs_to_the_finger() -> None:
-    """At a hundredth of the size steps of 0.2 mm and more crushed the elements."""
-
     def force_n(times: float) -> float:
         scene = small_solid(
             40.0 * times, 40.0 * times, height_mm=20.0 * times, poisson=0.49, ball_mm=5.0 * times

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from lumen_area import lumen_area_m2
 from small_block import BLOCK
 
@@ -12,15 +13,11 @@ from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load, unloaded
-from sim_backend.scene.scene_file import load_scene, mirrored, scene_from_text
+from sim_backend.scene.scene_file import Scene, load_scene, mirrored
 from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.0e-3
 P = 100 * PA_PER_MMHG
-
-
-def scene_in(plane, name="TIHA"):
-    return load_scene(name).model_copy(update={"plane": plane})
 
 
 def energy_j_per_m(section, u):
@@ -37,7 +34,7 @@ def marched(section, loads):
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_work_of_the_finger_is_stored(plane):
     """The integral of F over depth is the energy, to the error of the trapezium rule."""
-    section = build_section(scene_in(plane), 0.030, depth_m=DEPTH_M, size_m=1e-3)
+    section = build_section(changed("TIHA", plane=plane), 0.030, depth_m=DEPTH_M, size_m=1e-3)
     errors = []
     for steps in (8, 16):
         depths = DEPTH_M * np.arange(1, steps + 1) / steps
@@ -51,7 +48,7 @@ def test_work_of_the_finger_is_stored(plane):
 
 def test_work_of_the_pressure_is_stored():
     """In plane strain the lumen's pressure does p dA of work; the finger stands still."""
-    section = build_section(scene_in("strain"), 0.030, depth_m=DEPTH_M, size_m=1e-3)
+    section = build_section(changed("TIHA", plane="strain"), 0.030, depth_m=DEPTH_M, size_m=1e-3)
     (sides,) = section.lumens
     down = [Load(DEPTH_M / 2, 0.0), Load(DEPTH_M, 0.0)]
     solved = marched(section, [*down, *(Load(DEPTH_M, P * k / 10) for k in range(1, 11))])[1:]
@@ -64,8 +61,7 @@ def test_work_of_the_pressure_is_stored():
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_press_lift_press(plane):
-    """Nothing is lost on the way: loads reached along other paths give the same."""
-    section = build_section(scene_in(plane), 0.033, depth_m=DEPTH_M, size_m=1e-3)
+    section = build_section(changed("TIHA", plane=plane), 0.033, depth_m=DEPTH_M, size_m=1e-3)
     half, full, lifted = Load(DEPTH_M / 2, P), Load(DEPTH_M, P), Load(-DEPTH_M, P)
     first, second, _, again, third = marched(section, [half, full, lifted, half, Load(DEPTH_M, 0)])
     (direct,) = continuation(section, third, [full])
@@ -76,8 +72,7 @@ def test_press_lift_press(plane):
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_contact_is_complementary(plane):
-    """Where the finger pushes there is no gap; where there is a gap nothing pushes or pulls."""
-    section = build_section(scene_in(plane), 0.032, depth_m=DEPTH_M, size_m=0.8e-3)
+    section = build_section(changed("TIHA", plane=plane), 0.032, depth_m=DEPTH_M, size_m=0.8e-3)
     *_, solved = marched(section, [Load(DEPTH_M / 2, P), Load(DEPTH_M, P)])
     pair = section.contact_pairs(solved.displacement, DEPTH_M)[0]
     multiplier = solved.multiplier[0]
@@ -89,26 +84,13 @@ def test_contact_is_complementary(plane):
 
 
 def test_a_scene_and_its_mirror():
-    scene = scene_from_text(
-        """name = "two"
-        tissue = {width_mm = 64.0, height_mm = 16.83, modulus_kpa = 50.0, poisson = 0.49}
-        indenter = {shape = "flat", width_mm = 6.0, edge_radius_mm = 1.0}
-        [[inclusion]]
-        kind = "tumour"
-        x_mm = 24.0
-        depth_mm = 6.0
-        diameter_mm = 5.0
-        modulus_kpa = 1000.0
-        poisson = 0.49
-        [[inclusion]]
-        kind = "artery"
-        x_mm = 36.0
-        depth_mm = 9.0
-        inner_diameter_mm = 4.5
-        wall_mm = 0.63
-        modulus_kpa = 400.0
-        poisson = 0.49""",
-        "test",
+    lump = {"kind": "tumour", "x_mm": 24.0, "depth_mm": 6.0, "diameter_mm": 5.0,
+            "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
+    (artery,) = load_scene("TIHA").model_dump()["inclusion"]
+    flat = {"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 1.0}
+    beside = [lump, artery | {"x_mm": 36.0, "depth_mm": 9.0}]
+    scene = Scene.model_validate(
+        load_scene("TI").model_dump() | {"inclusion": beside, "indenter": flat}
     )
     (_, here), (_, there) = (
         solve_finite(s, x, DEPTH_M, [0.0, P], 0.6e-3)
@@ -119,29 +101,19 @@ def test_a_scene_and_its_mirror():
 
 
 def test_moving_the_vessels_away_leaves_the_block():
-    """A vessel far off changes nothing, and a tumour as soft as the tissue is none."""
-    block = load_scene("TI")
-    tumour = load_scene("TIT").inclusion[0].model_copy(update={"modulus_kpa": 50.0})
-    hidden = block.model_copy(update={"inclusion": (tumour,)})
     forces = [
-        solve_finite(s, 0.032, DEPTH_M, [0.0], 0.8e-3)[1][0].force_n_per_m for s in (block, hidden)
+        solve_finite(s, 0.032, DEPTH_M, [0.0], 0.8e-3)[1][0].force_n_per_m
+        for s in (load_scene("TI"), changed("TIT", inclusion={"modulus_kpa": 50.0}))
     ]
     assert forces[1] == pytest.approx(forces[0], rel=0.002)
 
 
 @pytest.mark.parametrize("scale", [0.1, 10.0])
 def test_stiffer_tissue_pushes_back_in_proportion(scale):
-    """Without pressure the force goes as the moduli, all else equal: no hidden absolute number."""
     scene = load_scene("TIT")
-    assert scene.tissue is not None
-    other = scene.model_copy(
-        update={
-            "tissue": scene.tissue.model_copy(update={"modulus_kpa": 50.0 * scale}),
-            "inclusion": tuple(
-                i.model_copy(update={"modulus_kpa": i.modulus_kpa * scale}) for i in scene.inclusion
-            ),
-        }
-    )
+    (lump,) = scene.inclusion
+    other = changed(scene, tissue={"modulus_kpa": 50.0 * scale},
+                    inclusion={"modulus_kpa": lump.modulus_kpa * scale})  # fmt: skip
     forces = [
         solve_finite(s, 0.030, DEPTH_M, [0.0], 1e-3)[1][0].force_n_per_m for s in (scene, other)
     ]
@@ -150,12 +122,9 @@ def test_stiffer_tissue_pushes_back_in_proportion(scale):
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_forces_and_gaps_close_together(plane, monkeypatch):
-    """Where the contact stays, Newton's method squares its error: normals turn under the forces
-    that the finger bears. And a step deeper begins with about the nodes that will touch."""
+    """Where the contact stays, Newton's method squares its error."""
     monkeypatch.setattr(section_rules, "CHORDS", 1)
-    section = build_section(
-        BLOCK.model_copy(update={"plane": plane}), 12e-3, depth_m=1.5e-3, size_m=0.5e-3
-    )
+    section = build_section(changed(BLOCK, plane=plane), 12e-3, depth_m=1.5e-3, size_m=0.5e-3)
     loads = [Load(d, P) for d in (-1.5e-3, 0.1e-3, 0.5e-3, 1e-3, 1.5e-3)]
     _, first, second, third, deep = continuation(section, unloaded(section), loads)
     assert max(s.iterations for s in (first, second, third, deep)) <= 6

@@ -1,8 +1,9 @@
-"""Decks for CalculiX: complete, and answered as by our own solver."""
+"""A press in files for others: decks that CalculiX answers as we do, and VTU files."""
 
 import os
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.io.deck import ccx_forces_n_per_mm, write_deck
+from sim_backend.fem.io.vtu import write_vtu
+from sim_backend.models.press import Press, press
 from sim_backend.scene.scene_file import Scene, Support, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -18,14 +21,9 @@ needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (cc
 
 def run(deck):
     ran = subprocess.run(
-        ["ccx", "-i", deck.stem],
-        cwd=deck.parent,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
-        check=False,
-    )
+        ["ccx", "-i", deck.stem], cwd=deck.parent, env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True, text=True, timeout=100, check=False,
+    )  # fmt: skip
     assert ran.returncode == 0, ran.stdout[-2000:]
     return ccx_forces_n_per_mm(deck)
 
@@ -33,7 +31,6 @@ def run(deck):
 @needs_ccx
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_calculix_agrees(plane, tmp_path):
-    """A lone vessel, filled and pressed: bending, follower pressure, both contacts."""
     loose = Support(contact="frictionless")
     scene = load_scene("HAOT").model_copy(update={"plane": plane, "support": loose})
     deck = write_deck(scene, 32.0, 0.4, [80.0], tmp_path / "haot.inp", size_mm=0.8)
@@ -74,17 +71,12 @@ def test_every_tissue_element_has_one_material(tmp_path):
     assert len(np.unique(given)) == len(given)
 
 
-@pytest.mark.parametrize(
-    "finger",
-    [
-        {"shape": "cylinder", "radius_mm": 4.0},
-        {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 0.5},
-        {"shape": "wedge", "angle_deg": 90.0, "tip_radius_mm": 0.5, "width_mm": 8.0},
-    ],
-    ids=lambda keys: keys["shape"],
-)
+@pytest.mark.parametrize("finger", [
+    {"shape": "cylinder", "radius_mm": 4.0},
+    {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 0.5},
+    {"shape": "wedge", "angle_deg": 90.0, "tip_radius_mm": 0.5, "width_mm": 8.0},
+], ids=lambda keys: keys["shape"])  # fmt: skip
 def test_a_deck_s_finger_is_the_one_that_is_pressed(finger, tmp_path):
-    """The underside of the rigid body that is written, node by node, lies on our own contact."""
     raw = load_scene("TI").model_dump() | {"indenter": finger}
     scene = Scene.model_validate(raw)
     lines = write_deck(scene, 32.0, 2.0, (), tmp_path / "any.inp").read_text().splitlines()
@@ -95,3 +87,27 @@ def test_a_deck_s_finger_is_the_one_that_is_pressed(finger, tmp_path):
     gap, _, _ = finger_over(scene.indenter, 32e-3, 1e-3 * scene.surface_mm).gap(underside)
     np.testing.assert_allclose(gap, 0, atol=1e-11)
     assert np.ptp(underside[:, 0]) == pytest.approx(8e-3, rel=1e-3)
+
+
+def written(pressed: Press, path: Path) -> list[Path]:
+    pytest.importorskip("meshio", reason="meshio is not installed (extra: mesh)")
+    return write_vtu(pressed.solved.body, pressed.solved.states, path)
+
+
+def test_a_vtu_reads_back(tmp_path):
+    pressed = press(load_scene("HAOT"), 32.0, 0.3, (80.0, 120.0), accuracy_pct=5)
+    paths = written(pressed, tmp_path / "haot.vtu")
+    assert [p.name for p in paths] == ["haot-0.vtu", "haot-1.vtu"]
+    for path, state in zip(paths, pressed.states, strict=True):
+        read = pytest.importorskip("meshio").read(path)
+        np.testing.assert_allclose(read.points[:, :2], pressed.solved.picture.nodes_m)
+        np.testing.assert_allclose(read.point_data["displacement_m"][:, :2], state.displacement_m)
+        stress = read.point_data["von_mises_pa"]
+        np.testing.assert_allclose(stress, pressed.solved.picture.von_mises_pa(state.solution))
+        assert read.cell_data["det_f"][0].min() == pytest.approx(state.min_jacobian)
+        assert set(np.unique(read.cell_data["region"][0])) == {1}
+
+
+def test_a_vtu_of_one_state_keeps_the_name(tmp_path):
+    pressed = press(load_scene("HAOT"), 32.0, 0.3, (80.0,), accuracy_pct=10)
+    assert written(pressed, tmp_path / "one.vtu") == [tmp_path / "one.vtu"]

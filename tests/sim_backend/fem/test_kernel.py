@@ -63,7 +63,6 @@ def test_cells_and_lumens_of_random_states(
 @pytest.mark.parametrize("name", ["TIHA", "SAOT"])
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_a_whole_press(name: str, plane: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same steps of Newton's method, to the same forces, stress and stability."""
     scene = load_scene(name).model_copy(update={"plane": plane})
 
     def pressed() -> tuple[list[int], Array]:
@@ -90,7 +89,6 @@ def refuses(function: Callable[..., Any], right: list[Any], *wrong: tuple[int, A
 
 @pytest.mark.skipif(not kernel.BUILT, reason="the kernel was not built")
 def test_arrays_that_do_not_fit_a_section_are_refused(section: Section) -> None:
-    """A wrong size or a node that is not there is an error, and reads no foreign memory."""
     cells, u = section.cells, np.zeros_like(section.mesh.nodes)
     solid = [u, cells.nodes, cells.gradient, cells.weight, section.shear, section.bulk, 0]
     refuses(

@@ -1,5 +1,6 @@
 """Inf-sup values, and hourglass patterns in a real press."""
 
+import bodies
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -10,12 +11,12 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.scene.scene_file import load_scene
 
 
-def inf_sup(shop, element, n):
+def inf_sup(element, n):
     """Smallest non-zero inf-sup value of the unit square, its outline fixed (Chapelle and Bathe
     1993, eq. 24): eigenvalues of B S^-1 B^T, S the H1 norm of displacements, B the volume change
     that each independent pressure sees.
     """
-    body = shop.body(shop.grid(n, n, lambda p: p, wild=0.05), element)
+    body = bodies.body(bodies.grid(n, n, lambda p: p, wild=0.05), element)
     cells = body.section.cells
     size = body.section.size
     norm, swell = np.zeros((size, size)), []
@@ -32,7 +33,7 @@ def inf_sup(shop, element, n):
         for dofs, gamma in zip(cells.dofs, cells.hourglass, strict=True):
             for axis in (0, 1):
                 norm[np.ix_(dofs[axis::2], dofs[axis::2])] += np.outer(gamma, gamma)
-    free = np.setdiff1d(np.arange(size), shop.dofs(shop.outline(body.section.mesh)))
+    free = np.setdiff1d(np.arange(size), bodies.dofs(bodies.outline(body.section.mesh)))
     s, b = norm[np.ix_(free, free)], np.array(swell)[:, free]
     values = eigh(b @ np.linalg.solve(s, b.T), eigvals_only=True)
     assert values[0] > -1e-10
@@ -40,8 +41,8 @@ def inf_sup(shop, element, n):
 
 
 @pytest.mark.parametrize("element", ["T6M", "Q4M", "Q4R"])
-def test_inf_sup_stays_away_from_zero(shop, element):
-    values = [inf_sup(shop, element, n) for n in (2, 4, 8)]
+def test_inf_sup_stays_away_from_zero(element):
+    values = [inf_sup(element, n) for n in (2, 4, 8)]
     assert min(values) > 0.2
     assert values[2] > 0.85 * values[1]
 
@@ -51,17 +52,13 @@ def amplitudes_mm(plane):
     scene = load_scene("TI").model_copy(update={"plane": plane})
     section, (solved,) = solve_finite(scene, 0.032, 2.0e-3, [0.0], 1e-3, "Q4R")
     gamma = section.cells.hourglass
-    assert gamma is not None
     pattern = np.einsum("mk,mki->mi", gamma, solved.displacement[section.cells.nodes])
     return 1e3 * np.hypot(*pattern.T), solved.force_n_per_m
 
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_hourglass_patterns_are_held(plane, monkeypatch):
-    """The force would not reveal them (0.1 %), so look at the patterns themselves.
-
-    What is left is the field's own bending: five times the control does not lessen it.
-    """
+    """The force would not reveal them (0.1 %); what is left is the field's own bending."""
     pattern, force = amplitudes_mm(plane)
     assert np.median(pattern) < 3e-3
     monkeypatch.setattr(internal, "HOURGLASS", 5 * HOURGLASS)

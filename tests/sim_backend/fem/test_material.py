@@ -1,10 +1,11 @@
-"""The neo-Hookean law: stress from energy, exact tangents, limits, for any deformation."""
+"""The neo-Hookean law, in the plane and in space: stress from energy, exact tangents, limits."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_backend.fem import material_3d as space
 from sim_backend.fem.material import (
     energy_density,
     moduli,
@@ -66,7 +67,6 @@ def test_thinning_is_the_slope_of_thickness(f, poisson):
 
 @given(f=deformations, poisson=poissons)
 def test_nothing_pulls_across_a_plane_stress_section(f, poisson):
-    """The thickness is where the energy is smallest."""
     g, k = numbers(poisson)
     l3 = plane_stress(f, g, k).thickness
     h = 1e-6
@@ -127,3 +127,38 @@ def test_von_mises_is_that_of_the_cauchy_stress(f, poisson):
     wanted = np.sqrt(s11**2 - s11 * s22 + s22**2 + 3 * s12**2)
     found = float(von_mises(f, solid.thickness, np.array(g)))
     assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6 * g)
+
+
+RNG = np.random.default_rng(1)
+F = np.eye(3) + 0.2 * RNG.standard_normal((4, 3, 3))
+G, K = np.full(4, 2.0), np.full(4, 30.0)
+
+
+def test_in_space_stress_and_tangent_are_slopes() -> None:
+    stress, tangent = space.stress_and_tangent(F, G, K)
+    for a in range(3):
+        for b in range(3):
+            step = np.zeros((3, 3))
+            step[a, b] = 1e-6
+            rise = (
+                space.energy_density(F + step, G, K) - space.energy_density(F - step, G, K)
+            ) / 2e-6
+            np.testing.assert_allclose(stress[:, a, b], rise, rtol=1e-6, atol=1e-6)
+            ahead, behind = (space.stress_and_tangent(F + s * step, G, K)[0] for s in (1, -1))
+            np.testing.assert_allclose(
+                tangent[..., a, b], (ahead - behind) / 2e-6, rtol=1e-5, atol=1e-5
+            )
+
+
+def test_a_plane_deformation_is_that_of_plane_strain() -> None:
+    flat = np.array([[1.1, 0.2, -0.1, 0.95]])
+    f = np.eye(3)[None].copy()
+    f[0, :2, :2] = flat.reshape(2, 2)
+    shear, bulk = np.array([2.0]), np.array([30.0])
+    expected = plane_strain(flat, shear, bulk)
+    stress, tangent = space.stress_and_tangent(f, shear, bulk)
+    np.testing.assert_allclose(stress[0, :2, :2].ravel(), expected.stress[0])
+    np.testing.assert_allclose(tangent[0, :2, :2, :2, :2].reshape(4, 4), expected.tangent[0])
+    np.testing.assert_allclose(
+        space.von_mises(f, shear), von_mises(flat, np.ones(1), shear), rtol=1e-12
+    )

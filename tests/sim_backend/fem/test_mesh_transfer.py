@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from small_block import BLOCK
 
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
@@ -20,11 +21,8 @@ FLAT = {"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 1.0}
 
 
 def scene(plane: str, indenter: dict[str, object] | None = None, **artery: float) -> Scene:
-    raw = BLOCK.model_dump()
-    raw["inclusion"] = [raw["inclusion"][0] | artery]
-    return Scene.model_validate(
-        raw | {"plane": plane} | ({"indenter": indenter} if indenter else {})
-    )
+    there = changed(BLOCK, plane=plane, inclusion=artery)
+    return Scene.model_validate(there.model_dump() | ({"indenter": indenter} if indenter else {}))
 
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])

@@ -79,7 +79,6 @@ def test_a_gap_that_is_too_narrow_is_named() -> None:
 
 
 def test_whatever_bounds_an_element_shrinks_with_the_mesh() -> None:
-    """A small vessel under a wide finger, near the surface: each part gets as much finer."""
     scene = scene_of(vessel(1, 32, 1.2), finger_mm=9)
     coarse, fine = meshed(scene, 0.4), meshed(scene, 0.1)
     cells = [np.bincount(one.mesh.region, minlength=2) for one in (coarse, fine)]
@@ -92,7 +91,6 @@ def test_whatever_bounds_an_element_shrinks_with_the_mesh() -> None:
 
 
 def test_two_points_that_are_held_in_the_same_corner_make_a_mesh() -> None:
-    """Both are pushed into the block's upper right corner, 0.49 mm off either side."""
     scene = Scene.model_validate(
         {
             "name": "corner",

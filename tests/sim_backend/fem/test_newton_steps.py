@@ -37,8 +37,6 @@ def solved(section: Section) -> list[Solution]:
 def test_the_last_steps_take_the_tangent_that_is_there(
     section: Section, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each equilibrium's last iteration only looks; of the steps before, up to three form no
-    tangent."""
     formed = []
     factor = Assembly.factor
 
@@ -52,7 +50,6 @@ def test_the_last_steps_take_the_tangent_that_is_there(
 
 
 def test_that_costs_no_exactness(section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Against residuals a hundred times smaller, which tangents formed anew lead to."""
     usual = solved(section)
     monkeypatch.setattr(section_rules, "TOLERANCE", 1e-2 * section_rules.TOLERANCE)
     exact = solved(replace(section))
@@ -66,9 +63,6 @@ def test_that_costs_no_exactness(section: Section, monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_the_way_down_belongs_to_the_finger(plane: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A scene twice as large takes the same steps, to twice the force per length; and where they
-    lie changes nothing."""
-
     def pressed(times: float) -> tuple[list[int], float]:
         taken.clear()
         _, (found,) = solve_finite(

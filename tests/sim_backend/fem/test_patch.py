@@ -1,5 +1,6 @@
 """Patch tests on distorted meshes with curved outlines; rigid motion; hourglass modes."""
 
+import bodies
 import numpy as np
 import pytest
 
@@ -25,16 +26,15 @@ def straight(p):
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("shape", [straight, curved])
-def test_patch(shop, element, plane, shape):
-    """With the outline moved linearly, the inside follows and the stress is even, at 20 %."""
-    mesh = shop.grid(3, 3, shape, wild=0.12)
-    body = shop.body(mesh, element, plane=plane, poisson=0.49)
+def test_patch(element, plane, shape):
+    mesh = bodies.grid(3, 3, shape, wild=0.12)
+    body = bodies.body(mesh, element, plane=plane, poisson=0.49)
     linear = body.nodes @ (STRETCH - np.eye(2)).T
-    edge = shop.outline(body.section.mesh)
+    edge = bodies.outline(body.section.mesh)
     inner = np.setdiff1d(np.arange(len(linear)), edge)
     start = linear.copy()
     start[inner] += np.random.default_rng(2).uniform(-1, 1, (len(inner), 2)) * 1e-5
-    start = body.solve(shop.dofs(edge), start, np.zeros(body.section.size))
+    start = body.solve(bodies.dofs(edge), start, np.zeros(body.section.size))
     np.testing.assert_allclose(start, linear, atol=1e-9 * np.abs(linear).max())
     f = deformation(body.section, start)
     np.testing.assert_allclose(f - STRETCH.ravel(), 0, atol=1e-9)
@@ -42,15 +42,15 @@ def test_patch(shop, element, plane, shape):
 
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_even_stress_meets_its_tractions(shop, element, plane):
+def test_even_stress_meets_its_tractions(element, plane):
     """Forces on the outline of a patch are the stress times the outline's normals."""
-    body = shop.body(shop.grid(3, 3, curved, wild=0.1), element, plane=plane)
+    body = bodies.body(bodies.grid(3, 3, curved, wild=0.1), element, plane=plane)
     linear = body.nodes @ (STRETCH - np.eye(2)).T
     law = plane_stress if plane == "stress" else plane_strain
     g, k = moduli(50e3, 0.45)
     p = law(STRETCH.reshape(1, 4), np.full(1, g), np.full(1, k)).stress.reshape(2, 2)
     forces = body.residual(linear).reshape(-1, 2)
-    inner = np.setdiff1d(np.arange(len(forces)), shop.outline(body.section.mesh))
+    inner = np.setdiff1d(np.arange(len(forces)), bodies.outline(body.section.mesh))
     assert np.abs(forces[inner]).max() < 1e-9 * np.abs(forces).max()
     # sum of x_j F_i over the nodes is the volume integral of P_ij
     area = body.section.cells.weight.sum()
@@ -60,9 +60,9 @@ def test_even_stress_meets_its_tractions(shop, element, plane):
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("degrees", [1.0, 37.0, 180.0])
-def test_turning_a_body_turns_its_forces(shop, element, plane, degrees):
+def test_turning_a_body_turns_its_forces(element, plane, degrees):
     """F(R u) = R F(u), and no force for a rigid turn alone: also with hourglass control."""
-    body = shop.body(shop.grid(3, 2, curved, wild=0.1), element, plane=plane)
+    body = bodies.body(bodies.grid(3, 2, curved, wild=0.1), element, plane=plane)
     a = np.radians(degrees)
     turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     rigid = body.nodes @ turn.T - body.nodes + [3e-3, -1e-3]
@@ -77,9 +77,8 @@ def test_turning_a_body_turns_its_forces(shop, element, plane, degrees):
 
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_only_rigid_motion_is_free(shop, element, plane):
-    """A free body has exactly three zero-energy modes: no hourglass, no spurious mechanism."""
-    body = shop.body(shop.grid(2, 2, straight, wild=0.1), element, plane=plane)
+def test_only_rigid_motion_is_free(element, plane):
+    body = bodies.body(bodies.grid(2, 2, straight, wild=0.1), element, plane=plane)
     k = body.stiffness(np.zeros_like(body.nodes))
     np.testing.assert_allclose(k, k.T, atol=1e-9 * np.abs(k).max())
     values = np.linalg.eigvalsh(k)

@@ -1,6 +1,6 @@
 """Against presses that CalculiX solved on meshes of its own, where those files are at hand.
 
-CalculiX gives a plane-stress section a finite thickness, which is 0.6 % stiffer over a vessel.
+CalculiX gives a plane-stress section a finite thickness: 0.6 % stiffer over a vessel.
 """
 
 import json
@@ -36,7 +36,6 @@ def presses() -> list[Any]:
 
 @pytest.mark.parametrize(("scene", "press"), presses())
 def test_as_calculix(scene, press):
-    """Force within 1 %, its change by pressure within 3 %."""
     solid = Scene.model_validate(
         scene
         | {"indenter": scene["indenter"] | {"length_mm": 10.0}}

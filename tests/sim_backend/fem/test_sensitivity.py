@@ -1,10 +1,10 @@
 """Derivatives of solved presses, against the same presses solved again on the moved mesh."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from small_block import BLOCK
 
 from sim_backend.fem import section as section_rules
@@ -24,13 +24,6 @@ from sim_backend.scene.waves import PA_PER_MMHG
 X_M, SIZE_M = 0.030, 1.2e-3
 NO_EFFECT = ("indenter.length_mm",)
 """The force is per length of the finger."""
-
-
-def changed(name: str, **tables: Any) -> Scene:
-    raw = load_scene(name).model_dump()
-    kept = {key: raw[key] for key in ("tissue", "pulse")}
-    return Scene.model_validate(raw | {k: kept.get(k, {}) | v if isinstance(v, dict) else v
-                                       for k, v in tables.items()})  # fmt: skip
 
 
 def two_lumps() -> Scene:
@@ -123,11 +116,7 @@ def test_derivatives_are_those_of_presses_solved_again(
 
 
 def test_a_closed_lumen_s_derivatives(solved: Callable[..., tuple[Section, Solution]]) -> None:
-    """Its walls touch, and the pairs that do are kept."""
-    raw = BLOCK.model_dump()
-    soft = {"wall_mm": 0.5, "modulus_kpa": 40.0, "depth_mm": 3.5}
-    raw["inclusion"] = [raw["inclusion"][0] | soft]
-    scene = Scene.model_validate(raw)
+    scene = changed(BLOCK, inclusion={"wall_mm": 0.5, "modulus_kpa": 40.0, "depth_mm": 3.5})
     section, here = solved(scene, 3.0e-3, 0.0, 0.012, 0.8e-3)
     assert as_solved(section, here).self_contact
     assert (here.multiplier[2] > 0).any()
@@ -139,7 +128,6 @@ def test_a_closed_lumen_s_derivatives(solved: Callable[..., tuple[Section, Solut
 
 
 def test_a_pulse_s_derivative_is_that_of_both_its_forces() -> None:
-    """Per mmHg, it is the slope of the force itself."""
     scene = load_scene("TIHA")
     levels = [PA_PER_MMHG * p for p in (99.0, 100.0, 101.0)]
     section, (low, here, high) = solve_finite(scene, X_M, 1.5e-3, levels, SIZE_M)
@@ -148,7 +136,6 @@ def test_a_pulse_s_derivative_is_that_of_both_its_forces() -> None:
 
 
 def test_nodes_follow_circles_and_the_block() -> None:
-    """What is on a circle stays on it, what is on the outline as well, and nothing turns over."""
     scene = two_lumps()
     section, _ = solve_finite(scene, X_M, 1e-3, [0.0], SIZE_M)
     nodes = section.mesh.nodes
@@ -183,7 +170,6 @@ def test_an_unknown_number_is_refused() -> None:
 
 
 def test_a_body_of_revolution_s_derivatives_obey_the_laws_of_scale() -> None:
-    """Its force goes with the moduli, and with the square of all lengths; x = 0 stays its axis."""
     raw = load_scene("TI-solid").model_dump()
     lump = {"kind": "tumour", "x_mm": 0.0, "depth_mm": 7.0, "diameter_mm": 5.0,
             "modulus_kpa": 400.0, "poisson": 0.45}  # fmt: skip

@@ -1,26 +1,39 @@
-"""Unstable equilibria are seen and left; lone vessels do not stand on them."""
+"""Unstable equilibria are seen and left; a press that has none is refused by its physics."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from scipy.sparse.linalg import LinearOperator, eigs
+from small_block import BLOCK
+from small_solid import small_solid
 
 from sim_backend import load_scene
 from sim_backend.fem import continuation as following
+from sim_backend.fem.axisymmetric import build_axisymmetric
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import CannotSolve, Load, Solution, tangent, unloaded
+from sim_backend.fem.limits import physical_limit
+from sim_backend.fem.model import Grading, build_section, usual_grading
+from sim_backend.fem.newton import (
+    CannotSolve,
+    Load,
+    NotConverged,
+    SkinPressedFlat,
+    Solution,
+    tangent,
+    unloaded,
+)
 from sim_backend.fem.support import SlidingConstraint
-from sim_backend.scene.scene_file import Scene, Support
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 BEAT_PA = [80 * PA_PER_MMHG, 120 * PA_PER_MMHG]
 
 
 def supported(name: str, contact: str) -> Scene:
-    return load_scene(name).model_copy(update={"support": Support(contact=contact)})
+    return changed(name, support={"contact": contact})
 
 
 def rolling(aside_m: float) -> Solution:
@@ -75,10 +88,9 @@ def test_a_lone_vessel_feels_the_same_a_little_aside(name: str, contact: str) ->
 
 
 def test_a_block_that_may_lift_lifts_beside_the_finger_and_is_softer() -> None:
-    fixed = load_scene("TI")
-    lifting = fixed.model_copy(update={"support": Support(lifts=True)})
     (_, (fixed,)), (section, (free,)) = (
-        solve_finite(scene, 32e-3, 2.5e-3, [0.0], 1e-3) for scene in (fixed, lifting)
+        solve_finite(scene, 32e-3, 2.5e-3, [0.0], 1e-3)
+        for scene in (load_scene("TI"), changed("TI", support={"lifts": True}))
     )
     assert 0.7 * fixed.force_n_per_m < free.force_n_per_m < 0.99 * fixed.force_n_per_m
     bottom = section.mesh.resting
@@ -131,8 +143,53 @@ def test_a_straight_column_is_carried_to_a_finer_mesh_buckled(
 
 
 def test_a_wall_that_is_filled_before_the_finger_touches_inflates() -> None:
-    wall = load_scene("HAOT").inclusion[0].model_copy(update={"modulus_kpa": 50.0})
-    soft = load_scene("HAOT").model_copy(update={"inclusion": (wall,)})
+    soft = changed("HAOT", inclusion={"modulus_kpa": 50.0})
     with pytest.raises(CannotSolve, match="inflates without bound") as refusal:
         solve_finite(soft, 32e-3, 0.5e-3, [150 * PA_PER_MMHG], 1e-3)
     assert refusal.value.limit == "limit pressure"
+
+
+FILLED_PA = 12e3
+
+
+@pytest.mark.parametrize("failure", [NotConverged("crushed"), SkinPressedFlat("pressed flat")])
+@pytest.mark.parametrize("scene", [BLOCK, load_scene("HAOT")], ids=lambda one: one.name)
+def test_a_refusal_names_no_negative_depth(scene: Scene, failure: NotConverged) -> None:
+    x_m = 1e-3 * scene.inclusion[0].x_mm
+    section = build_section(scene, x_m, depth_m=1e-3, size_m=0.5e-3)
+    goal = Load(1e-3, FILLED_PA)
+
+    def said(depth_m: float) -> str:
+        last = replace(unloaded(section), load=Load(depth_m, FILLED_PA))
+        return str(physical_limit(section, last, goal, failure))
+
+    assert "found no equilibrium deeper than 0.3 mm" in said(0.3e-3)
+    assert "found no equilibrium once the finger touches" in said(-0.1153e-3)
+    assert "-0.1" not in said(-0.1153e-3)
+
+
+def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
+    thin = {"modulus_kpa": 188.0, "wall_mm": 0.435, "depth_mm": 6.27}
+    scene = changed("TIHA", inclusion=thin, tissue={"modulus_kpa": 10.3})
+    depth_m, size_m = 1.391e-3, 0.18e-3
+    section = build_section(
+        scene, 31.64e-3, depth_m=depth_m, size_m=size_m, grading=usual_grading(size_m)
+    )
+
+    def force_n_per_m(*pressures_mmhg: float) -> float:
+        loads = [Load(depth_m, p * PA_PER_MMHG) for p in pressures_mmhg]
+        *_, last = continuation(section, unloaded(section), loads)
+        return last.force_n_per_m
+
+    small_steps = force_n_per_m(80, 140, 155, 160, 163, 166)
+    assert force_n_per_m(80, 166) == pytest.approx(small_steps, rel=1e-6)
+
+
+def test_a_body_of_revolution_is_crushed_at_a_radius() -> None:
+    scene = small_solid(24.0, 24.0, height_mm=12.0, ball_mm=5.0)
+    grading = Grading(0.5e-3, lambda radius: 0.3 * radius, 0.35, 4e-3)
+    section = build_axisymmetric(scene, 12e-3, 1e-3, grading)
+    last = replace(unloaded(section), load=Load(0.3e-3, 0.0))
+    said = str(physical_limit(section, last, Load(1e-3, 0.0), NotConverged("crushed")))
+    assert " at r = " in said
+    assert "x = " not in said

@@ -1,5 +1,6 @@
 """Every tangent against central differences of what it is the tangent of."""
 
+import bodies
 import numpy as np
 import pytest
 from lumen_area import lumen_area_m2
@@ -50,8 +51,8 @@ def by_differences(function, u, dofs, step):
 
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_cells(shop, element, plane):
-    body = shop.body(shop.grid(1, 1, bent), element, plane=plane, poisson=0.49)
+def test_cells(element, plane):
+    body = bodies.body(bodies.grid(1, 1, bent), element, plane=plane, poisson=0.49)
     u = moved(body.nodes)
     wanted = by_differences(body.residual, u, range(body.section.size), 1e-8)
     tangent = body.stiffness(u)
@@ -61,9 +62,9 @@ def test_cells(shop, element, plane):
 
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("element", ELEMENTS)
-def test_lumen_pressure(shop, element, plane):
+def test_lumen_pressure(element, plane):
     """The follower load turns with the wall and, in plane stress, fades as the wall thins."""
-    body = shop.body(shop.grid(2, 2, ring, pressed="left"), element, plane=plane, poisson=0.49)
+    body = bodies.body(bodies.grid(2, 2, ring, pressed="left"), element, plane=plane, poisson=0.49)
     (sides,) = body.section.lumens
     u = moved(body.nodes, 0.2)
     for side in (0, len(sides.nodes) - 1):
@@ -87,10 +88,9 @@ def test_pressure_is_the_slope_of_the_lumens_area(element):
     assert work == pytest.approx(swell / (2 * h), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    "finger",
-    [Finger(Profile(((0, 0),), 5e-3), 0, 0), Finger(Profile(((0, 0), (3e-3, 0)), 1e-3), 0, 0)],
-)
+@pytest.mark.parametrize("finger", [
+    Finger(Profile(((0, 0),), 5e-3), 0, 0), Finger(Profile(((0, 0), (3e-3, 0)), 1e-3), 0, 0),
+])  # fmt: skip
 def test_finger_normals_turn_at_their_curvature(finger):
     rng = np.random.default_rng(3)
     points = rng.uniform([-4.9e-3, -1e-3], [4.9e-3, 6e-4], (200, 2))
@@ -114,7 +114,6 @@ def _section(element="T6", plane="stress"):
 
 
 def test_touching_finger():
-    """Contact blocks are the slope of the contact force while its springs stay closed."""
     section = _section()
     u = np.zeros_like(section.mesh.nodes)
     u[section.mesh.surface, 1] = -0.5e-3
@@ -138,7 +137,6 @@ def test_touching_finger():
 
 
 def test_walls_of_a_lumen():
-    """The gap between walls opens at the rate of its gradient while the normal turns little."""
     section = _section()
     (walls,) = section.walls
     rest = section.mesh.nodes[walls.nodes]
@@ -154,7 +152,6 @@ def test_walls_of_a_lumen():
 
 
 def test_neighbours_round_the_bend_do_not_meet():
-    """Where the ends of an open lumen are pushed in, no node counts as through the lower wall."""
     (walls,) = _section().walls
     rest = _section().mesh.nodes[walls.nodes]
     middle = rest.mean(axis=0)
@@ -167,12 +164,10 @@ def test_neighbours_round_the_bend_do_not_meet():
 
 
 @pytest.mark.parametrize("plane", PLANES)
-@pytest.mark.parametrize(
-    ("mmhg", "by", "off"),
-    [(0.0, "pressure", 2e-4), (90.0, "pressure", 2e-4), (90.0, "depth", 1e-3)],
-)
+@pytest.mark.parametrize("mmhg, by, off", [
+    (0.0, "pressure", 2e-4), (90.0, "pressure", 2e-4), (90.0, "depth", 1e-3),
+])  # fmt: skip
 def test_slope_of_a_solution(plane, mmhg, by, off):
-    """dF and du agree with solving again at slightly other pressures, or a little deeper."""
     section, depth, p = _section(plane=plane), 2.5e-3, mmhg * PA_PER_MMHG
     deeper, more = (0.0, 40.0) if by == "pressure" else (1e-6, 0.0)
     (_, start, here) = continuation(
@@ -193,8 +188,7 @@ def test_slope_of_a_solution(plane, mmhg, by, off):
     assert start.force_n_per_m < here.force_n_per_m
 
 
-def test_a_solution_balances_itself(shop):
-    """Newton's residual is what the cells and lumens say, put together once more by hand."""
+def test_a_solution_balances_itself():
     section = _section(plane="strain")  # in plane stress uneven thinning leaves a net lift
     (solved,) = continuation(section, unloaded(section), [Load(0.5e-3, 40 * PA_PER_MMHG)])
     force, _ = forces_and_tangents(section, solved.displacement)
@@ -207,6 +201,6 @@ def test_a_solution_balances_itself(shop):
     assert by_support == pytest.approx(solved.force_n_per_m, rel=1e-4)
     inside = np.setdiff1d(
         np.arange(section.size),
-        np.concatenate([section.fixed, section.sliding.dofs[0], shop.dofs(section.mesh.surface)]),
+        np.concatenate([section.fixed, section.sliding.dofs[0], bodies.dofs(section.mesh.surface)]),
     )
     assert np.abs(total[inside]).max() < 1e-4 * solved.force_n_per_m

@@ -1,19 +1,23 @@
-"""Forces on taxels: their sum, their symmetry, Hertz' profile, and another mesh's."""
+"""What is read under the finger: von Mises stress, and the forces on taxels."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_block import BLOCK
 from small_solid import small_solid
 
 from sim_backend.arrays import Array
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.model import Grading
+from sim_backend.fem.material import plane_stress, von_mises
+from sim_backend.fem.model import Grading, build_section
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.section import Section
 from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.fem.stress import under_finger_pa
 from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n
 from sim_backend.models.refine import refine
 from sim_backend.models.round_press import refine_axisymmetric
@@ -34,7 +38,6 @@ def columns(section: Section, solution: Solution, edges_m: Array = EDGES_M) -> A
 
 @pytest.mark.parametrize("depth_m", [0.5e-3, 1.0e-3, 3.0e-3])
 def test_taxels_over_the_middle_of_a_vessel(depth_m: float) -> None:
-    """Of the press that a user gets: all of the force, and alike to both sides."""
     scene = load_scene("TIHA")
     meshes = SectionMeshes("finite", scene, 0.032, depth_m, LEVELS_PA)
     section, solutions = refine(meshes, np.array([1.0, 1.0])).solved
@@ -105,7 +108,6 @@ def test_taxels_of_a_solid_are_those_of_the_body_of_revolution() -> None:
 
 
 def test_rows_share_a_section_s_force_by_their_length() -> None:
-    """An array shorter than the finger leaves the rest beside it, a longer one has empty rows."""
     section, (solution,) = solve_finite(load_scene("TI"), 0.032, 1e-3, [0.0], 2e-3)
     whole = 0.01 * columns(section, solution)
     for rows, pitch_mm, parts in ((2, 2.0, [0.2, 0.2]), (4, 5.0, [0.0, 0.5, 0.5, 0.0])):
@@ -124,10 +126,35 @@ def test_an_array_s_middle_is_the_finger_s(rows: int, columns: int, pitch: float
         np.testing.assert_allclose(np.diff(edges_m), edges_m[1] - edges_m[0])
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [((0, 4), "from 1 x 1"), ((65, 64), "from 1 x 1"), ((1, 4, -1.0), "must be above 0")],
-)
+@pytest.mark.parametrize("given, words", [
+    ((0, 4), "from 1 x 1"), ((65, 64), "from 1 x 1"), ((1, 4, -1.0), "must be above 0"),
+])  # fmt: skip
 def test_an_array_that_cannot_be_is_refused(given: tuple[Any, ...], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         TaxelArray(*given)
+
+
+@pytest.mark.parametrize("x_m", [1e-3, 7.3e-3])
+def test_even_strain_is_read_as_it_is(x_m: float) -> None:
+    section = build_section(BLOCK, x_m, depth_m=1e-3, size_m=0.5e-3)
+    gradient = np.array([[0.06, 0.02], [-0.01, -0.09]])
+    f = (gradient + np.eye(2)).reshape(4)
+    shear, bulk = section.shear[0], section.bulk[0]
+    surface = section.mesh.surface
+    on_surface = np.isin(section.cells.nodes, surface).any(axis=1)
+    assert (section.shear[on_surface] == shear).all()  # all of it tissue
+    thickness = plane_stress(f, shear, bulk).thickness if section.plane_stress else np.array(1.0)
+    expected = float(von_mises(f, thickness, shear))
+    assert under_finger_pa(section, section.mesh.nodes @ gradient.T) == pytest.approx(expected)
+
+
+def test_stress_is_read_under_the_finger_and_nowhere_else() -> None:
+    """Of a stretch that grows along the surface, which quadratic elements hold exactly."""
+    section = build_section(BLOCK, 7e-3, depth_m=1e-3, size_m=0.5e-3)
+    nodes = section.mesh.nodes
+    bent = np.column_stack([10.0 * (nodes[:, 0] - 7e-3) ** 2, np.zeros(len(nodes))])
+    read = [
+        under_finger_pa(replace(section, finger=replace(section.finger, x=x)), bent)
+        for x in (7e-3, 8e-3, 9e-3)
+    ]
+    assert read[0] < 0.1 * read[1] < 0.07 * read[2]

@@ -66,7 +66,6 @@ def test_forces_are_linear_down_to_the_smallest_strain(plane: str, element: str)
 
 @pytest.mark.parametrize("element", ["T6", "Q4M"])
 def test_forces_of_a_body_of_revolution_are(element: str) -> None:
-    """Six-node triangles only where nothing locks; their bulk modulus is put in."""
     scene = block("solid", 0.49 if element == "T6" else POISSON)
     grading = Grading(SIZE_M, lambda radius: 0.3 * radius, 0.35, 4e-3)
     section = build_axisymmetric(scene, 12e-3, 1e-3, grading)
@@ -107,6 +106,5 @@ def test_a_ball_a_hair_deep() -> None:
 
 
 def test_a_finger_that_comes_down_between_nodes_is_said_to() -> None:
-    """Nothing was turned inside out."""
     with pytest.raises(CannotSolve, match="touches no node of the mesh 1e-05 mm deep"):
         solve_small(block("stress"), 43.3e-3, 1e-8, [0.0], 0.6e-3)

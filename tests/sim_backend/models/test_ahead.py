@@ -6,12 +6,12 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 from small_block import BLOCK
+from waiting import until
 
 from drivers import SimulatedClock
 from palpate import Rig, connect
@@ -49,18 +49,11 @@ def solved() -> Iterator[Callable[..., SolvedAhead]]:
         one.close()
 
 
-def wait_for(what: Callable[[], object]) -> None:
-    end_s = time.monotonic() + 60
-    while not what():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
-
-
 def test_both_processes_answer_to_the_last_bit(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: station_response._kept)
+    until(lambda: station_response._kept, 60.0)
     answers = [both(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
     monkeypatch.setattr(station_response, "_kept", {})
     alone = [respond(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
@@ -71,7 +64,7 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: both._theirs)
+    until(lambda: both._theirs, 60.0)
     monkeypatch.setattr(stations_solved, "solved", None)  # nothing can be solved here
     assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
 
@@ -80,7 +73,7 @@ def test_meanwhile_the_last_stations_are_solved_here_and_none_twice(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both, here = solved(stations()), []
-    wait_for(lambda: both._theirs)
+    until(lambda: both._theirs, 60.0)
 
     def solve(one: Station) -> Any:
         here.append(one.x_m)
@@ -98,7 +91,7 @@ def test_it_goes_on_from_what_was_asked_for_first(solved: Callable[..., SolvedAh
     """A resumed scan, of which the first two were complete."""
     both = solved(stations())
     both(BLOCK, PLACES_M[2], DEPTH_M)
-    wait_for(lambda: both._theirs is None and not both._waiting)
+    until(lambda: both._theirs is None and not both._waiting, 60.0)
     of_last = stations()[3]
     of_second = stations()[1]
     order = list(station_response._kept)
@@ -126,7 +119,7 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
     touching = Scene.model_validate(content | {"inclusion": [*content["inclusion"], lump]})
     hopeless = station(touching, PLACES_M[3], DEPTH_M)
     both = solved([hopeless, *stations()[:2]])
-    wait_for(lambda: len(station_response._kept) == 2)
+    until(lambda: len(station_response._kept) == 2, 60.0)
     with pytest.raises(SceneError, match="too little to be meshed"):
         both(*hopeless)
     both(BLOCK, PLACES_M[0], DEPTH_M)
@@ -134,11 +127,11 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
 
 def test_without_the_process_everything_is_solved_here(solved: Callable[..., SolvedAhead]) -> None:
     both = solved(stations())
-    wait_for(lambda: both._theirs)
+    until(lambda: both._theirs, 60.0)
     assert both._child is not None
     os.kill(both._child.pid, signal.SIGTERM)
     assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
-    wait_for(lambda: not both._thread.is_alive())
+    until(lambda: not both._thread.is_alive(), 60.0)
     assert both(BLOCK, PLACES_M[3], DEPTH_M).x_m == PLACES_M[3]
 
 
@@ -172,4 +165,4 @@ def test_devices_end_it_when_they_are_closed() -> None:
     with connect(rig, SimulatedClock(), BLOCK):
         ours = solving_threads() - before
         assert len(ours) == 1
-    wait_for(lambda: not ours & solving_threads())
+    until(lambda: not ours & solving_threads(), 60.0)

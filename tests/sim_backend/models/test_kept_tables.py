@@ -19,7 +19,6 @@ def test_a_table_is_not_lost_to_a_folder_that_takes_nothing(tmp_path: Path) -> N
 
 
 def test_a_full_disk_leaves_no_part_of_a_table(tmp_path: Path) -> None:
-    """Here the name is taken by a folder, which no file can replace."""
     (tmp_path / "a.npz").mkdir()
     assert kept_table(tmp_path / "a.npz", ["x"], lambda: {"x": np.ones(1)})["x"] == 1
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
@@ -27,7 +26,7 @@ def test_a_full_disk_leaves_no_part_of_a_table(tmp_path: Path) -> None:
 
 def stored(**arrays: np.ndarray) -> bytes:
     file = io.BytesIO()
-    np.savez(file, **arrays)  # type: ignore[arg-type]
+    np.savez(file, **arrays)
     return file.getvalue()
 
 

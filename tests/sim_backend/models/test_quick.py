@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from soft_walls import soft_walled
 
 from sim_backend import load_scene
@@ -17,16 +18,10 @@ FLAT = {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 1.0}
 STICKS = {"shape": "cylinder", "radius_mm": 5.0, "bonded": True}
 
 
-def changed(name: str, **values: object) -> Scene:
-    return Scene.model_validate(SCENES[name].model_dump() | values)
-
-
-@pytest.mark.parametrize(
-    "scene",
-    [*SCENES.values(), changed("TIHA", plane="strain"), changed("TIHA", indenter=FLAT),
-     changed("TIHA", indenter=STICKS), load_scene("HAOT")],
-    ids=[*SCENES, "plane strain", "flat finger", "bonded finger", "lone vessel"],
-)  # fmt: skip
+@pytest.mark.parametrize("scene", [
+    *SCENES.values(), changed("TIHA", plane="strain"), changed("TIHA", indenter=FLAT),
+    changed("TIHA", indenter=STICKS), load_scene("HAOT"),
+], ids=[*SCENES, "plane strain", "flat finger", "bonded finger", "lone vessel"])  # fmt: skip
 def test_a_quick_press_is_as_near_as_it_states(scene: Scene) -> None:
     x_mm, depth_mm = (32.0, 1.0) if scene.tissue is None else (24.0, 2.5)
     ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0.0,)
@@ -65,10 +60,7 @@ def test_where_the_guess_fails_the_finger_is_lowered(monkeypatch: pytest.MonkeyP
 
 
 def test_a_vessel_that_bursts_says_so() -> None:
-    scene = SCENES["TIHA"]
-    thin = scene.inclusion[0].model_copy(update={"modulus_kpa": 5.0, "wall_mm": 0.2})
-    assert scene.tissue is not None
-    soft = scene.tissue.model_copy(update={"modulus_kpa": 2.0})
-    burst = scene.model_copy(update={"inclusion": (thin,), "tissue": soft})
+    thin = {"modulus_kpa": 5.0, "wall_mm": 0.2}
+    burst = changed("TIHA", inclusion=thin, tissue={"modulus_kpa": 2.0})
     with pytest.raises(CannotSolve, match="mmHg"):
         place(burst, 32e-3).solve(2.5e-3, [100 * PA_PER_MMHG], model="quick")

@@ -16,12 +16,7 @@ from sim_backend.fem.newton import CannotSolve, Load, NotConverged, unloaded
 from sim_backend.models import section_meshes as refining
 from sim_backend.models.refine import ORDER, Refined
 from sim_backend.models.refine import refine as refine_meshes
-from sim_backend.models.section_meshes import (
-    ENTERING_PCT,
-    FLOOR_PCT,
-    SectionMeshes,
-    mesh_grading,
-)
+from sim_backend.models.section_meshes import ENTERING_PCT, FLOOR_PCT, SectionMeshes, mesh_grading
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -57,6 +52,18 @@ def converging(missed: float, order: float = ORDER, contacts: int = 2, high: flo
     return solve
 
 
+def shares_asked(monkeypatch, solve) -> list[float]:
+    """Of the finger's half width: the sizes of the meshes that ``solve`` will be asked for."""
+    shares: list[float] = []
+
+    def noted(*place, **given):
+        shares.append(place[-1] / HALF_M)
+        return solve(*place, **given)
+
+    monkeypatch.setattr(refining, "solve_finite", noted)
+    return shares
+
+
 @pytest.mark.parametrize("budget_pct", [0.3, 1.0, 3.0])
 def test_an_error_that_falls_with_the_size_is_stated_as_it_is(monkeypatch, budget_pct):
     """Two meshes tell the limit exactly where errors fall by the power assumed (Roache 1994)."""
@@ -79,8 +86,7 @@ def test_one_that_falls_faster_is_not_stated_less(monkeypatch):
 
 
 def test_meshes_that_agree_by_chance_do_not_state_nothing(monkeypatch):
-    """The least that a mesh misses: of a pulse a fifth at elements of the finger's half width,
-    which at a budget of 1 % is two fifths to all of that."""
+    """Elements of the finger's half width miss at least 6 % of a force, a fifth of a pulse."""
     monkeypatch.setattr(refining, "solve_finite", converging(0.0))
     found = refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 1.0))
     share = found.solved[0].size_m / HALF_M
@@ -89,17 +95,12 @@ def test_meshes_that_agree_by_chance_do_not_state_nothing(monkeypatch):
     assert list(FLOOR_PCT) == [6, 20]
 
 
-@pytest.mark.parametrize(
-    ("high", "moved", "stated_pct"),
-    [
-        (100.01, 0.1, ENTERING_PCT / 50 / 1e-3),  # of less than a thousandth of the force
-        (101.0, 0.1, ENTERING_PCT / 50 / 0.01),
-        (101.0, 0.014, ENTERING_PCT * 0.014 / 0.01),  # the edge moves by less than a node
-    ],
-)
+@pytest.mark.parametrize("high, moved, stated_pct", [
+    (100.01, 0.1, ENTERING_PCT / 50 / 1e-3),  # of less than a thousandth of the force
+    (101.0, 0.1, ENTERING_PCT / 50 / 0.01),
+    (101.0, 0.014, ENTERING_PCT * 0.014 / 0.01),  # the edge moves by less than a node
+])  # fmt: skip
 def test_a_small_pulse_is_no_surer_than_the_nodes_that_enter(monkeypatch, high, moved, stated_pct):
-    """Of two of the random presses, with pulses of 0.01 % of the force, a fifth and a fifteenth
-    of the error was stated."""
     monkeypatch.setattr(refining, "solve_finite", converging(0.0, high=high, moved=moved))
     found = refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 0.5))
     force_pct, pulse_pct = found.error_pct
@@ -111,17 +112,10 @@ def test_a_small_pulse_is_no_surer_than_the_nodes_that_enter(monkeypatch, high, 
 
 def test_no_finer_mesh_is_made_for_less_than_nodes_that_enter_leave(monkeypatch):
     """They leave 8 % of a pulse of a quarter of a per cent; without them 0.5 % would be reached."""
-    made = []
-
-    def count(*place, **keys):
-        made.append(place[-1])
-        return converging(0.5, high=100.25, moved=moved)(*place, **keys)
-
     budget_pct = np.array([9.0, 0.5])
     meshes = {}
     for moved in (0.1, 0.0):
-        made.clear()
-        monkeypatch.setattr(refining, "solve_finite", count)
+        made = shares_asked(monkeypatch, converging(0.5, high=100.25, moved=moved))
         found = refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], budget_pct)
         meshes[moved] = len(made)
         stated_pct = found.error_pct[1]
@@ -148,7 +142,6 @@ def test_nodes_that_enter_the_contact_change_the_force_as_stated():
 
 @pytest.mark.parametrize(("contacts", "meshes"), [(2, 6), (3, 2)])
 def test_where_walls_fold_no_third_mesh_is_pressed_from_the_air(monkeypatch, contacts, meshes):
-    """TIHA 9 mm deep: 43 s went into a third mesh that found no way past the folds."""
     solve, shares = converging(0.5, contacts=contacts), []
 
     def nothing_carries_over(*place, must_carry: bool, **given):
@@ -166,17 +159,9 @@ def test_where_walls_fold_no_third_mesh_is_pressed_from_the_air(monkeypatch, con
 
 @pytest.mark.parametrize(("contacts", "second"), [(2, 0.05**0.5), (3, 0.25)])
 def test_the_second_mesh_is_the_one_that_is_needed(monkeypatch, contacts, second):
-    """At 1 % a mesh between was up to half of a press; where walls fold it is kept. What meshes far
-    apart tell is taken three times: of TIHA 7 mm deep in plane strain, two alone agreed to 0.5 %
-    of a pulse of which they missed 2 %."""
-    missed, shares = 0.02, []
-    solve = converging(missed, contacts=contacts)
-
-    def noted(*place, **given):
-        shares.append(place[-1] / HALF_M)
-        return solve(*place, **given)
-
-    monkeypatch.setattr(refining, "solve_finite", noted)
+    """Where walls fold a mesh between is kept; what meshes far apart tell is taken three times."""
+    missed = 0.02
+    shares = shares_asked(monkeypatch, converging(missed, contacts=contacts))
     found = refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 1.0))
     assert shares[:2] == pytest.approx([0.5, second])
     true_pct = 100 * missed * shares[-1] ** ORDER
@@ -199,8 +184,6 @@ def test_what_must_carry_over_and_does_not_is_not_solved(monkeypatch):
 
 
 def test_meshes_of_a_lone_vessel_differ(monkeypatch):
-    """Round it lie multiples of 36 elements. Under a wide finger, sizes that differ by half asked
-    for the same mesh once, and no change was taken for no error."""
     solve, meshes = finite_strain.solve_finite, []
 
     def counted(*place, **how):
@@ -220,8 +203,7 @@ def test_meshes_of_a_lone_vessel_differ(monkeypatch):
 
 
 def test_a_lumen_pressed_flat_is_not_called_known_by_two_meshes_that_agree() -> None:
-    """TIHA 7.5 mm deep: meshes of 0.5 and 0.35 of the half width agree on the pulse within 1 %, and
-    miss 8 %. The truth is that of shares of 0.0625 and 0.04, 14.21 and 14.22 N/m."""
+    """The truth is that of shares of 0.0625 and 0.04, 14.21 and 14.22 N/m."""
     scene, pressures_pa = load_scene("TIHA"), [80 * PA_PER_MMHG, 120 * PA_PER_MMHG]
     for budget_pct in (25.0, 5.0):
         found = refine("finite", scene, 32e-3, 7.5e-3, pressures_pa, np.full(2, budget_pct))
@@ -233,8 +215,7 @@ def test_a_lumen_pressed_flat_is_not_called_known_by_two_meshes_that_agree() -> 
 def test_near_the_pressure_at_which_a_wall_bursts_meshes_that_agree_do_not_know_it(
     budget_pct: float,
 ) -> None:
-    """A wall of 50 kPa at 165 mmHg, which bursts at 180: two meshes agreed on 200 N/m within 1 %.
-    Elements of 0.15 mm give 218.7, and another code (nine-node quadrilaterals) 220.1."""
+    """Elements of 0.15 mm give 218.7, and another code (nine-node quadrilaterals) 220.1."""
     scene = soft_walled(165.0, 50.0, depth_mm=8.0, modulus_kpa=50.0)
     both_pa = [60 * PA_PER_MMHG, 165 * PA_PER_MMHG]
     for pressures_pa, asked in (
@@ -254,8 +235,7 @@ def test_near_the_pressure_at_which_a_wall_bursts_meshes_that_agree_do_not_know_
 def test_a_force_that_few_nodes_bear_is_known_no_better_than_that(
     model: str, truth_n: float
 ) -> None:
-    """A cylinder and a ball of 5 mm 5 um deep (benchmarks/shallow_presses.py): two meshes of three
-    and four nodes agreed within 0.2 % and were 1.2 and 3.6 % off."""
+    """A cylinder and a ball of 5 mm, 5 um deep (benchmarks/shallow_presses.py)."""
     scene = scene_of(model, 5.0)
     for budget_pct in (5.0, 1.0, 0.3):
         found = refine(model, scene, 32e-3, 5e-6, [0.0], np.array([budget_pct, np.inf]))
@@ -264,24 +244,14 @@ def test_a_force_that_few_nodes_bear_is_known_no_better_than_that(
 
 
 def test_a_mesh_that_would_not_reach_the_budget_either_is_not_jumped_to(monkeypatch):
-    """Two meshes far apart tell less than three: of 24 random presses seven stated more at 0.3 %
-    than at 2 %, up to 11.9 % of a pulse instead of 2.0 %."""
-    solve, shares = converging(0.5), []
-
-    def noted(*place, **given):
-        shares.append(place[-1] / HALF_M)
-        return solve(*place, **given)
-
-    monkeypatch.setattr(refining, "solve_finite", noted)
+    shares = shares_asked(monkeypatch, converging(0.5))
     refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 0.05))
     assert shares[:3] == pytest.approx([0.5, 0.25, 0.125])
 
 
 @pytest.mark.parametrize(("third", "kept"), [(0.978, 2), (0.950, 3)])
 def test_a_finer_mesh_that_states_more_does_not_take_what_was_known(monkeypatch, third, kept):
-    """Asked for 0.3 % the fifth of the random presses stated 1.75 % of its pulse, and 1.72 % where
-    2 % was asked for. A third mesh that changes more than the second states shows that to be wrong.
-    """
+    """Unless it changes more than the second states, which shows that to be wrong."""
     solve, forces = converging(0.0), iter([1.02, 1.0, third, *[third] * 9])
 
     def noisy(*place, **given):

@@ -21,7 +21,6 @@ DEPTH_M = 2.5e-3
 
 
 def test_a_vessel_pressed_flat_states_more_of_its_pulse() -> None:
-    """Of press 35 of benchmarks/flat_lumens.py the pulse is 7 % off, where 3 % were stated."""
     scene, x_m, depth_m = drawn(35)
     ends_pa = 80 * PA_PER_MMHG, 120 * PA_PER_MMHG
     model = respond(scene, x_m, depth_m)
@@ -49,8 +48,7 @@ def test_at_the_edge_of_a_lone_vessel_the_first_steps_are_in_the_air() -> None:
 
 
 def test_between_solved_states_taxels_are_the_elements_own() -> None:
-    """At rest within 2 % of the largest of the deepest press, whose pulses are within 2 % of the
-    largest. The force is that without an array."""
+    """Within 2 % of the largest; the force is that without an array."""
     scene, x_m, array = load_scene("TIHA"), 28e-3, TaxelArray(1, 8)
     found, plain = respond(scene, x_m, DEPTH_M, array), respond(scene, x_m, DEPTH_M)
     rest, low, high = levels_pa(scene)
@@ -72,7 +70,6 @@ def test_between_solved_states_taxels_are_the_elements_own() -> None:
 
 
 def test_between_solved_states_little_is_missed() -> None:
-    """Depths and pressures that were not solved, against the same mesh solved there."""
     scene, x_m = load_scene("TIHA"), 28e-3
     found = respond(scene, x_m, DEPTH_M)
     section = section_for(scene, x_m, DEPTH_M)
@@ -96,7 +93,6 @@ def test_between_solved_states_little_is_missed() -> None:
 def test_over_a_wall_that_nearly_bursts_the_pulse_is_known_as_well_as_stated(
     depth_mm: float,
 ) -> None:
-    """By its bend at the full depth alone it was 17 % off half as deep, where 3 % were stated."""
     scene = soft_walled(176.0, 14.0, modulus_kpa=167.0, wall_mm=0.45, depth_mm=10.44)
     found = respond(scene, 29.6e-3, 1.4e-3)
     truth = press(scene, 29.6, depth_mm, [80.0, 176.0])
@@ -111,7 +107,6 @@ def test_over_a_wall_that_nearly_bursts_the_pulse_is_known_as_well_as_stated(
 
 
 def test_a_wall_that_bursts_where_the_finger_is_less_deep_is_refused() -> None:
-    """Pressed 1.5 mm deep it holds; that was all that was solved, and the rest was made up."""
     scene = soft_walled(185.0, 46.0, modulus_kpa=63.0, wall_mm=0.4, depth_mm=6.4)
     with pytest.raises(CannotSolve, match="inflates without bound"):
         respond(scene, 32e-3, 1.5e-3)

@@ -96,7 +96,6 @@ def test_a_quarter_of_a_grid_over_what_is_symmetric_both_ways_is_solved() -> Non
 
 
 def test_a_place_beside_the_middle_is_the_one_on_the_other_side() -> None:
-    """Solved on either side of a lump's middle; the phantom solves only one of them."""
     lump = {"kind": "tumour", "x_mm": 8.0, "depth_mm": 4.5, "diameter_mm": 4.0,
             "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
     scene = Scene.model_validate(SCENE.model_dump() | {"inclusion": [lump]})
@@ -142,7 +141,6 @@ def test_what_varies_along_the_vessel_or_ends_under_the_finger_is_solved_as_it_i
 
 
 def test_far_from_its_ends_a_block_is_felt_alike_everywhere() -> None:
-    """The half that is solved above the middle, and the whole that is solved beside it."""
     tissue = {**SCENE.model_dump()["tissue"], "length_mm": 28.0, "width_mm": 14.0}
     scene = Scene.model_validate(SCENE.model_dump() | {"tissue": tissue, "inclusion": []})
     middle, beside = (
@@ -156,7 +154,6 @@ def test_far_from_its_ends_a_block_is_felt_alike_everywhere() -> None:
 def test_what_is_unstable_is_left_where_that_changes_little(
     falls_to: float | None, answers: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By less than is said to be missed: a node that slides over an edge of the finger."""
     plain = SCENE.model_copy(update={"inclusion": ()})
     here = Station(plain, 8e-3, DEPTH_M)
     before = stations.solve_station(here)["values"]

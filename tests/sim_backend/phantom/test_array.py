@@ -43,15 +43,12 @@ def pressed(
 def held(scene: Scene, x_mm: float, **keys: Any) -> Array:
     """The last reading (rows, columns) [Pa]."""
     block, phantom, _ = pressed(scene, x_mm, **keys)
-    assert phantom.array is not None
     return block.values[-1].reshape(phantom.array.rows, phantom.array.columns)
 
 
-@pytest.mark.parametrize(
-    ("scene", "x_mm", "depth_mm"),
-    [(load_scene("TIHA"), 32.0, 2.5), (load_scene("TIT"), 27.0, 2.0), (SOLID, 5.0, 1.0)],
-    ids=["artery", "lump", "solid"],
-)
+@pytest.mark.parametrize("scene, x_mm, depth_mm", [
+    (load_scene("TIHA"), 32.0, 2.5), (load_scene("TIT"), 27.0, 2.0), (SOLID, 5.0, 1.0),
+], ids=["artery", "lump", "solid"])  # fmt: skip
 def test_all_taxels_together_are_the_force(scene: Scene, x_mm: float, depth_mm: float) -> None:
     block, phantom, sensor = pressed(scene, x_mm, depth_mm, **layout(scene))
     force_n = phantom.force_n(block.time_s)
@@ -90,7 +87,6 @@ def test_a_lump_4_mm_aside_is_felt_on_its_side(x_mm: float, sign: int) -> None:
 
 
 def test_a_place_and_its_mirror_image_read_mirrored() -> None:
-    """Across and along: only one of the four is solved."""
     beside = {"kind": "tumour", "x_mm": 4.0, "z_mm": 1.0, "depth_mm": 4.0, "diameter_mm": 3.0,
               "modulus_kpa": 1000.0, "poisson": 0.45}  # fmt: skip
     found = {}
@@ -199,14 +195,11 @@ def test_steps_full_scale_and_noise_are_as_stated(winkler: Any) -> None:
     assert again.values.tobytes() == noisy.values.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"dead": [[4, 0]]}, r"dead = \[4, 0\]: rows are 0 to 3, columns 0 to 6"),
-        ({"rows": 100, "columns": 100}, "taxels = 100 x 100"),
-        ({"rows": 0}, "greater than or equal to 1"),
-    ],
-)
+@pytest.mark.parametrize("keys, words", [
+    ({"dead": [[4, 0]]}, r"dead = \[4, 0\]: rows are 0 to 3, columns 0 to 6"),
+    ({"rows": 100, "columns": 100}, "taxels = 100 x 100"),
+    ({"rows": 0}, "greater than or equal to 1"),
+])  # fmt: skip
 def test_an_array_that_cannot_be_is_refused(keys: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         VirtualArray.model_validate({**IDEAL, **keys})

@@ -91,14 +91,11 @@ def test_a_stopped_stage_comes_to_rest_within_its_acceleration(winkler: Any) -> 
     assert at - stage.pose().x == pytest.approx(20e-3**2 / (2 * 0.1), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("target", "speed", "said"),
-    [
-        (Pose(0.6, 0, 0), 0.01, "x = 600 mm"),
-        (Pose(0, 0, 0), 1.0, "1000 mm/s"),
-        (Pose(0, 0, math.nan), 0.01, "z = nan"),
-    ],
-)
+@pytest.mark.parametrize("target, speed, said", [
+    (Pose(0.6, 0, 0), 0.01, "x = 600 mm"),
+    (Pose(0, 0, 0), 1.0, "1000 mm/s"),
+    (Pose(0, 0, math.nan), 0.01, "z = nan"),
+])  # fmt: skip
 def test_impossible_moves_are_refused(winkler: Any, target: Pose, speed: float, said: str) -> None:
     clock, phantom = world(winkler)
     with pytest.raises(DeviceFault, match=said):
@@ -115,7 +112,6 @@ def test_a_followed_stage_carries_the_tip() -> None:
 
 
 def test_a_soft_rig_and_a_wrong_gain(winkler: Any) -> None:
-    """Springs in series, and a sensor that reads 30 % too much."""
     clock, phantom = world(winkler)
     phantom.scene = load_scene("TI")  # 400 N/m, no pulse
     stage = virtual_stage(clock, phantom=phantom, stiffness_n_mm=1.2)

@@ -3,10 +3,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from changed_scene import changed
 
 from drivers import SimulatedClock
 from sim_backend.phantom.phantom import Phantom
-from sim_backend.scene.scene_file import Scene, Tissue, load_scene
+from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.slicing import section_at
 
 MOVE = (2.5e-3, 1e3)  # speed, and an acceleration so high that the speed is constant
@@ -44,8 +45,7 @@ def test_the_beat_starts_with_the_hold_and_ends_in_the_air(winkler: Any) -> None
 
 
 def test_a_free_pulse_beats_always_and_its_phase_is_the_seeds(winkler: Any) -> None:
-    scene = load_scene("TIHA")
-    free = scene.model_copy(update={"pulse": scene.pulse.model_copy(update={"start": "free"})})
+    free = changed("TIHA", pulse={"start": "free"})
     t = np.linspace(0, 0.825, 100)
     one, same, other = (phantom(winkler, free, seed=s).pressure_pa(t) for s in (1, 1, 2))
     assert np.ptp(one) == pytest.approx(40 * 133.322, rel=0.01)
@@ -54,13 +54,8 @@ def test_a_free_pulse_beats_always_and_its_phase_is_the_seeds(winkler: Any) -> N
 
 
 def test_relaxation_loses_the_prony_weights_of_a_held_force(winkler: Any) -> None:
-    scene = load_scene("TI")
-    tissue = scene.tissue
-    assert tissue is not None
     g, tau_s = 0.3, 0.5
-    soft = scene.model_copy(
-        update={"tissue": Tissue(**(tissue.model_dump() | {"relaxation": ((g, tau_s),)}))}
-    )
+    soft = changed("TI", tissue={"relaxation": ((g, tau_s),)})
     t = np.array([1.5, 2.0, 2.5, 12.0])
     force_n = phantom(winkler, soft).force_n(t)
     # A ramp of rate r: F = r k [(1 - g) t + g tau (1 - exp(-t/tau))];
@@ -145,7 +140,6 @@ def test_a_drag_is_answered_by_the_section_and_the_surface_under_each_place(wink
 
 
 def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
-    """Deeper than was asked for first, and by no round number."""
     respond, asked = noting(winkler)
     made = Phantom(load_scene("TI"), SimulatedClock(), respond, home=(0.032, 0.0, 0.0))
     made.tip.move(0.0, (0.032, 0.0, -2.5000004e-3), *MOVE)
@@ -155,7 +149,6 @@ def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
 
 
 def test_a_press_as_deep_as_planned_is_solved_once(winkler: Any) -> None:
-    """Whatever its way there is rounded to: solved again, deeper, its answers would be others."""
     respond, asked = noting(winkler)
     depth_m, end_s = 2.5e-3, 1.0025
     made = Phantom(

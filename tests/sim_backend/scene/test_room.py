@@ -21,14 +21,11 @@ def scene(*paths: list[list[float]], **also: Any) -> Scene:
     return Scene.model_validate(table)
 
 
-@pytest.mark.parametrize(
-    ("point", "said"),
-    [
-        ([20, 70, 12.0], r"inclusion\[0\] \(artery\): path\[1\]: x_mm = 70 breaks a side"),
-        ([20, 32, 2.0], r"path\[1\]: depth_mm = 2 breaks the surface"),
-        ([20, 32, 16.0], r"path\[1\]: depth_mm = 16 breaks the bottom"),
-    ],
-)
+@pytest.mark.parametrize("point, said", [
+    ([20, 70, 12.0], r"inclusion\[0\] \(artery\): path\[1\]: x_mm = 70 breaks a side"),
+    ([20, 32, 2.0], r"path\[1\]: depth_mm = 2 breaks the surface"),
+    ([20, 32, 16.0], r"path\[1\]: depth_mm = 16 breaks the bottom"),
+])  # fmt: skip
 def test_a_path_stays_in_the_block(point: list[float], said: str) -> None:
     assert scene([[0, 20, 12.0], [20, 32, 12.0]]).arteries[0].path
     with pytest.raises(ValidationError, match=said):
@@ -60,31 +57,20 @@ def solid(*paths: list[list[float]]) -> Scene:
 
 @pytest.mark.parametrize("x_mm", [10.0, 12.1, 12.3, 17.1])
 def test_a_path_at_just_45_degrees_is_taken(x_mm: float) -> None:
-    """Rounding made 45.00000000000001 degrees of some, and refused them."""
     assert solid([[-4.0, x_mm, 6.0], [4.0, x_mm + 8.0, 6.0]]).arteries[0].path
     with pytest.raises(ValidationError, match="at 45 degrees to z, at most 45"):
         solid([[-4.0, x_mm, 6.0], [4.0, x_mm + 8.001, 6.0]])
 
 
-@pytest.mark.parametrize(
-    ("path", "said"),
-    [
-        # at 45 degrees a radius of 2 mm is cut in an ellipse that reaches 2.828 mm
-        (
-            [[-4, 2.3, 6], [4, 10.2, 6]],
-            r"path\[0\]: x_mm = 2.3 breaks a side; it must lie between 2.8",
-        ),
-        ([[-4, 20, 6], [4, 27.5, 6]], r"path\[1\]: x_mm = 27.5 .* and 27.2"),
-        (
-            [[-4, 15, 2.5], [4, 15, 9]],
-            r"path\[0\]: depth_mm = 2.5 breaks the surface; it must be above 2.5.*",
-        ),
-        (
-            [[-4, 15, 2.7], [4, 15, 9.5]],
-            r"path\[1\]: depth_mm = 9.5 breaks the bottom; it must be below 9.3",
-        ),
-    ],
-)
+@pytest.mark.parametrize("path, said", [
+    # at 45 degrees a radius of 2 mm is cut in an ellipse that reaches 2.828 mm
+    ([[-4, 2.3, 6], [4, 10.2, 6]], r"path\[0\]: x_mm = 2.3 breaks a side; it must lie between 2.8"),
+    ([[-4, 20, 6], [4, 27.5, 6]], r"path\[1\]: x_mm = 27.5 .* and 27.2"),
+    ([[-4, 15, 2.5], [4, 15, 9]],
+     r"path\[0\]: depth_mm = 2.5 breaks the surface; it must be above 2.5.*"),
+    ([[-4, 15, 2.7], [4, 15, 9.5]],
+     r"path\[1\]: depth_mm = 9.5 breaks the bottom; it must be below 9.3"),
+])  # fmt: skip
 def test_an_oblique_vessel_needs_room_for_its_cut(path: list[list[float]], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         solid(path)

@@ -74,48 +74,34 @@ def test_round_fingers() -> None:
     assert punch.face_mm2 == pytest.approx(50.27, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("text", "key"),
-    [
-        (SOLID.replace("length_mm = 40.0\n", "") + SPHERE, "tissue.length_mm is missing"),
-        (SOLID, "indenter.edge_radius_mm is missing"),
-        (SOLID.replace('"solid"', '"strain"'), 'length_mm = 40.0: only with plane = "solid"'),
-        (
-            SOLID.replace('"solid"', '"stress"').replace("length_mm = 40.0\n", "") + SPHERE,
-            'shape = sphere: only with plane = "solid"',
-        ),
-        (
-            SOLID + '[indenter]\nshape = "flat"\nwidth_mm = 8.0\nedge_radius_mm = 1.0\n',
-            "give diameter_mm instead",
-        ),
-        (
-            SOLID + '[indenter]\nshape = "cylinder"\nlength_mm = 10.0\nedge_radius_mm = 5.5\n',
-            "must not exceed 5",
-        ),
-        (
-            SOLID + SPHERE + '[[inclusion]]\nkind = "tumour"\nx_mm = 32.0\ndepth_mm = 8.0\n'
-            "z_mm = 18.0\ndiameter_mm = 5.0\nmodulus_kpa = 500.0\npoisson = 0.49\n",
-            "must stay within 17.5 of 0",
-        ),
-        (SOLID + SPHERE + STENOSED.format("[4.0, -4.0]"), "first must be below the second"),
-        (SOLID + SPHERE + STENOSED.format("[4.0, 4.0]"), "first must be below the second"),
-        (SOLID + SPHERE + STENOSED.format("[20.0, 30.0]"), r"outside the block.*from -20 to 20"),
-        (SOLID.replace("modulus", "z_mm = -20.0\nmodulus") + SPHERE, "must lie under the finger"),
-        (
-            SOLID.replace("modulus", "z_mm = 3.0\nmodulus").replace('"solid"', '"strain"')
-            .replace("length_mm = 40.0\n", ""), 'z_mm = 3.0: only with plane = "solid"',
-        ),
-        ('name = "a"\nplane = "solid"\n', "needs a"),
-        (
-            SOLID + "[indenter]\nedge_radius_mm = 1.0\ntilt_deg = 5.0\n",
-            "turns a cylinder along the vessels about itself",
-        ),
-        (
-            SOLID + '[indenter]\naxis = "across"\nedge_radius_mm = 1.0\ntilt_deg = 50.0\n',
-            "tilt_deg",
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text, key", [
+    (SOLID.replace("length_mm = 40.0\n", "") + SPHERE, "tissue.length_mm is missing"),
+    (SOLID, "indenter.edge_radius_mm is missing"),
+    (SOLID.replace('"solid"', '"strain"'), 'length_mm = 40.0: only with plane = "solid"'),
+    (SOLID.replace('"solid"', '"stress"').replace("length_mm = 40.0\n", "") + SPHERE,
+     'shape = sphere: only with plane = "solid"'),
+    (SOLID + '[indenter]\nshape = "flat"\nwidth_mm = 8.0\nedge_radius_mm = 1.0\n',
+     "give diameter_mm instead"),
+    (SOLID + '[indenter]\nshape = "cylinder"\nlength_mm = 10.0\nedge_radius_mm = 5.5\n',
+     "must not exceed 5"),
+    (
+        SOLID + SPHERE + '[[inclusion]]\nkind = "tumour"\nx_mm = 32.0\ndepth_mm = 8.0\n'
+        "z_mm = 18.0\ndiameter_mm = 5.0\nmodulus_kpa = 500.0\npoisson = 0.49\n",
+        "must stay within 17.5 of 0",
+    ),
+    (SOLID + SPHERE + STENOSED.format("[4.0, -4.0]"), "first must be below the second"),
+    (SOLID + SPHERE + STENOSED.format("[4.0, 4.0]"), "first must be below the second"),
+    (SOLID + SPHERE + STENOSED.format("[20.0, 30.0]"), r"outside the block.*from -20 to 20"),
+    (SOLID.replace("modulus", "z_mm = -20.0\nmodulus") + SPHERE, "must lie under the finger"),
+    (
+        SOLID.replace("modulus", "z_mm = 3.0\nmodulus").replace('"solid"', '"strain"')
+        .replace("length_mm = 40.0\n", ""), 'z_mm = 3.0: only with plane = "solid"',
+    ),
+    ('name = "a"\nplane = "solid"\n', "needs a"),
+    (SOLID + "[indenter]\nedge_radius_mm = 1.0\ntilt_deg = 5.0\n",
+     "turns a cylinder along the vessels about itself"),
+    (SOLID + '[indenter]\naxis = "across"\nedge_radius_mm = 1.0\ntilt_deg = 50.0\n', "tilt_deg"),
+])  # fmt: skip
 def test_what_cannot_be_is_refused_by_its_key(text: str, key: str) -> None:
     with pytest.raises(SceneError, match="(?s)" + key.replace("[", r"\[")):
         scene_from_text(text, "mine.toml")

@@ -1,16 +1,19 @@
-"""Meshes of solids: volumes, lumps that are balls, lumens that hold pressure."""
+"""Meshes of solids: volumes, lumps that are balls, lumens that hold pressure, the cut at z = 0."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from small_solid import small_solid
+from small_solid import small_solid, vessel
 
 from sim_backend.fem import kernel
-from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.material_3d import von_mises
+from sim_backend.fem.newton import CannotSolve, unloaded
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body
+from sim_backend.fem.solid.cut import Cut
 from sim_backend.fem.solid.forces import forces, tangents, unit_pressure
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -35,8 +38,7 @@ def volume_mm3(body: SolidBody, region: int) -> float:
 
 @pytest.mark.parametrize(("size_m", "off"), [(2e-3, 0.01), (1.3e-3, 0.002)])
 def test_a_lump_is_a_ball(size_m: float, off: float) -> None:
-    """All nodes between ball and tissue lie on the sphere; what is missing of its volume lies
-    between them and falls faster than the square of their distance."""
+    """Nodes between ball and tissue lie on the sphere; the missing volume falls faster than h^2."""
     body = build_body(block(BALL), 16e-3, depth_m=1e-3, size_m=size_m)
     assert volume_mm3(body, 1) == pytest.approx(np.pi / 6 * 125, rel=off)
     assert volume_mm3(body, 0) + volume_mm3(body, 1) == pytest.approx(32 * 16 * 20, rel=1e-5)
@@ -53,17 +55,14 @@ def test_a_stenosis_lies_in_its_stretch_only() -> None:
     assert volume_mm3(body, 2) == pytest.approx(8 * np.pi * (2.25**2 - narrow**2), rel=0.01)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "named"),
-    [
-        ({"x_mm": 11.0, "diameter_mm": 3.0}, {"x_mm": 14.005, "diameter_mm": 3.0},
-         "inclusion[1].x_mm or depth_mm: 0.005 mm lie between inclusion[1] and inclusion[0]"),
-        ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].depth_mm: "
-         "0.01 mm lie between inclusion[1] and the bottom"),
-        ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].depth_mm: "
-         "0.01 mm lie between inclusion[0] and the surface"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("first, second, named", [
+    ({"x_mm": 11.0, "diameter_mm": 3.0}, {"x_mm": 14.005, "diameter_mm": 3.0},
+     "inclusion[1].x_mm or depth_mm: 0.005 mm lie between inclusion[1] and inclusion[0]"),
+    ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].depth_mm: "
+     "0.01 mm lie between inclusion[1] and the bottom"),
+    ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].depth_mm: "
+     "0.01 mm lie between inclusion[0] and the surface"),
+])  # fmt: skip
 def test_what_leaves_no_room_for_elements_is_named(
     first: dict[str, float], second: dict[str, float], named: str
 ) -> None:
@@ -72,14 +71,12 @@ def test_what_leaves_no_room_for_elements_is_named(
 
 
 def test_a_ball_at_an_end_is_named_by_its_z() -> None:
-    """It was x_mm or depth_mm, and the surface 4.8 mm away."""
     with pytest.raises(SceneError, match=r"inclusion\[0\]\.z_mm: 0\.005 mm lie between .* an end"):
         build_body(block({**BALL, "z_mm": -7.495}), 16e-3, depth_m=1e-3, size_m=1.4e-3)
 
 
 @pytest.mark.parametrize("end_mm", [1e-4, 9.9999])
 def test_no_layer_is_as_thin_as_rounding_leaves_it(end_mm: float) -> None:
-    """A stretch that ends 0.1 um from the finger or from the block's end had a layer as thin."""
     ring = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-4.0, end_mm)}
     body = body_of({**ARTERY, "stenosis": ring})
     z = np.unique(body.wedges.nodes[:, 2].round(9))
@@ -128,8 +125,7 @@ def test_pressure_turns_with_the_wall() -> None:
 def test_patch_and_tangent(
     inclusion: dict[str, Any], off: float, built: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An even deformation is in balance inside, and forces change as the tangent says. Round a
-    ball wedges are bent in space, where nine points integrate to 0.3 %."""
+    """Round a ball wedges are bent in space, where nine points integrate to 0.3 %."""
     monkeypatch.setattr(kernel, "BUILT", built)
     body = body_of(inclusion)
     wedges, even = body.wedges, np.full(len(body.shear), 1.0)
@@ -166,7 +162,6 @@ def test_balls_behind_each_other_are_refused_by_what_a_section_cannot_hold() -> 
 
 
 def test_a_mesh_too_large_is_refused_before_it_is_solved() -> None:
-    """A thin block needs small elements all over; its first mesh took all memory there was."""
     with pytest.raises(CannotSolve, match=r"make \d+ unknowns; at most 1000 .* thicker block"):
         build_body(block(), 16e-3, depth_m=1e-3, size_m=2e-3, most_unknowns=1000)
     with pytest.raises(CannotSolve, match="unknowns"):
@@ -178,7 +173,6 @@ def thin(height_mm: float, width_mm: float) -> Scene:
 
 
 def test_a_thin_wide_block_is_pressed_as_the_axisymmetric_model_does() -> None:
-    """Far from the finger elements grow on: it had made more unknowns than are solved."""
     scene = thin(1.0, 24.0)
     solid, axisymmetric = (
         press(scene, 12.0, 0.2, model=model, accuracy_pct=5.0)
@@ -188,3 +182,27 @@ def test_a_thin_wide_block_is_pressed_as_the_axisymmetric_model_does() -> None:
     assert solid.states[0].force_n == pytest.approx(
         axisymmetric.states[0].force_n, rel=0.01 * stated_pct
     )
+
+
+@pytest.mark.parametrize("z_mm", [0.0, 1.5], ids=["half", "whole"])
+def test_a_cut_shows_the_section_and_its_stress(z_mm: float) -> None:
+    scene = small_solid(14.0, 12.0, vessel(7.0), z_mm=z_mm)
+    body = build_body(scene, 7e-3, depth_m=0.5e-3, size_m=1.4e-3)
+    cut = Cut(body)
+    assert (body.wedges.nodes[cut.numbers, 2] == 0).all()
+    a, b, c = np.moveaxis(cut.nodes_m[cut.triangles], 1, 0)
+    first, second = b - a, c - a
+    area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum() / 2
+    assert 1e6 * area == pytest.approx(14.0 * 8.0 - np.pi, rel=2e-3)
+    stretch = np.array([[0.05, 0.1, 0.0], [0.0, -0.15, 0.02], [0.03, 0.0, 0.04]])
+    displacement = body.wedges.nodes @ stretch.T
+    displacement[:, 0] += 80.0 * body.wedges.nodes[:, 2] ** 2  # no shear at z = 0, much beside it
+    moved = replace(unloaded(body), displacement=displacement)
+    assert cut.displacement_m(moved) == pytest.approx(cut.nodes_m @ stretch[:2, :2].T)
+    stress = cut.von_mises_pa(moved)
+    corner = np.argmin(np.hypot(*cut.nodes_m.T))
+    assert stress[corner] == pytest.approx(
+        float(von_mises(np.eye(3) + stretch, np.array(body.shear.min())))
+    )
+    stiffest = float(von_mises(np.eye(3) + stretch, np.array(body.shear.max())))
+    assert stress.max() == pytest.approx(stiffest)

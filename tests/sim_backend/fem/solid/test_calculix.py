@@ -27,14 +27,11 @@ def kept(name: str) -> tuple[Scene, dict[str, Any]]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(
-    ("name", "model", "force", "pulse"),
-    [
-        ("ball-over-ball", "axisymmetric", 0.005, 0.0),
-        ("cylinder-with-ends", "solid", 0.01, 0.015),
-        ("part-length-stenosis", "solid", 0.01, 0.015),
-    ],
-)
+@pytest.mark.parametrize("name, model, force, pulse", [
+    ("ball-over-ball", "axisymmetric", 0.005, 0.0),
+    ("cylinder-with-ends", "solid", 0.01, 0.015),
+    ("part-length-stenosis", "solid", 0.01, 0.015),
+])  # fmt: skip
 def test_force_and_pulse_are_calculix_s(name: str, model: str, force: float, pulse: float) -> None:
     scene, solved = kept(name)
     middle_mm = scene.inclusion[0].x_mm
@@ -47,8 +44,7 @@ def test_force_and_pulse_are_calculix_s(name: str, model: str, force: float, pul
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_what_scans_are_solved_on_misses_no_more_than_is_stated() -> None:
-    """A ball over an artery, on the first mesh: against hexahedra of our own deck, and where it is
-    there against the shared reference's wedges. The others are solved on the second."""
+    """A ball over an artery, on the first mesh; the other scenes are solved on the second."""
     scene, solved = kept("TIHA-ball")
     levels_pa = [p * PA_PER_MMHG for p in solved["pressures_mmhg"]]
     size_m = SHARES[0] * half_width_m(scene)
@@ -62,7 +58,6 @@ def test_what_scans_are_solved_on_misses_no_more_than_is_stated() -> None:
 
 
 def assert_agrees(ours_n: list[float], solved: dict[str, Any], force: float, pulse: float) -> None:
-    """Forces at CalculiX' pressures, and their changes from one to the next, within shares
-    ``force`` and ``pulse``."""
+    """Forces, and their changes from one pressure to the next, within shares of them."""
     np.testing.assert_allclose(ours_n, solved["force_n"], rtol=force)
     np.testing.assert_allclose(np.diff(ours_n), np.diff(solved["force_n"]), rtol=pulse)

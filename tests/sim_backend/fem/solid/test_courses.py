@@ -35,8 +35,7 @@ def body_of(*inclusion: dict[str, Any], ends: str = "free") -> SolidBody:
 
 
 def test_an_oblique_vessel_is_a_round_tube() -> None:
-    """All nodes of its wall lie as far from its axis as they must, and the wall holds its volume;
-    the block keeps its own, and a lump its place."""
+    """Wall, block and lump keep their volumes and places."""
     body = body_of(VESSEL | {"path": OBLIQUE}, LUMP)
     nodes, cells = 1e3 * body.wedges.nodes, body.wedges.cells
     start, end = (np.array([x, 12.0 - depth, z]) for z, x, depth in OBLIQUE)
@@ -59,7 +58,6 @@ def test_an_oblique_vessel_is_a_round_tube() -> None:
 
 
 def test_what_leaves_through_free_ends_turns_the_block_by_nothing() -> None:
-    """The pressure alone would: its ends lie aside of each other."""
     body = body_of(VESSEL | {"path": OBLIQUE})
     nodes = body.wedges.nodes
     wall = np.zeros(body.size)
@@ -87,8 +85,7 @@ def test_at_the_ends_of_a_path_the_vessel_leans_as_before_them() -> None:
 
 
 def test_under_a_ball_an_oblique_vessel_is_felt_as_a_straight_one() -> None:
-    """The ball does not know which way the vessel runs; the block's outline hardly does. Both are
-    whole blocks of the same elements, bent otherwise."""
+    """Both are whole blocks of the same elements, bent otherwise."""
     levels = [0.0, 80 * PA_PER_MMHG]
     straight, oblique = (
         [one.force_n for one in solve_solid(block(VESSEL | {"path": path}), 12e-3, 1e-3, levels,

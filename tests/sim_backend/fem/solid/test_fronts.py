@@ -97,8 +97,6 @@ def test_the_kernel_adds_up_what_numpy_does(shift: float, monkeypatch: pytest.Mo
 
 
 def test_a_solution_that_leaves_as_much_as_it_may_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tolerance is what a Krylov step is thought to leave: it leaves a little more, by
-    rounding, and was thrown away with the factors."""
     solver, blocks = solver_and_blocks(0.0, np.array([0, 4, 100]))
     matrix = solver.matrix(solver.joined(blocks))
     factors = solver.factor(solver.matrix(solver.joined(blocks + np.eye(24, dtype=np.float32))))

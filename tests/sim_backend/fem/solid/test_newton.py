@@ -73,10 +73,8 @@ def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.Monk
 
 
 def test_a_node_slides_over_an_edge_finer_than_the_elements() -> None:
-    """Where its place of balance vanishes plain steps leap to and fro; to which of these depths
-    they do, rounding decides. Elements are those of a press as deep as the edge is high. The body
-    of revolution, whose elements are finer than the edge, tells 0.705 N at 1.2 mm, 0.793 at 1.35,
-    0.820 at 1.4."""
+    """The body of revolution, whose elements are finer than the edge, tells 0.705 N at 1.2 mm and
+    0.820 at 1.4. Rounding decides at which of the depths plain steps leap to and fro."""
     punch = {"shape": "flat", "diameter_mm": 8.0, "edge_radius_mm": 0.3}
     scene = Scene.model_validate(SCENE.model_dump() | {"indenter": punch})
     body = build_body(scene, 12e-3, depth_m=0.3e-3, size_m=2e-3)
