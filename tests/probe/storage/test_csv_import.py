@@ -2,6 +2,8 @@
 
 import gzip
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -50,43 +52,30 @@ def test_one_recording_without_a_place(tmp_path: Path) -> None:
     assert run.samples()["pressure"].attrs["units"] == "mbar"
 
 
-@pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e3, 1)])
-def test_a_force_in_millinewtons_is_noted(tmp_path: Path, factor: float, noted: int) -> None:
-    """800 N on a face of 100 mm2 were 8 MPa, without a word."""
-    rows = [f"{n / 100:g},{factor * 0.8 * n / 49}" for n in range(50)]
-    source = csv(tmp_path / "a.csv", table("time_s,force_n", *rows))
+@pytest.mark.parametrize("columns, row, noted", [
+    ("force_n", lambda n: 0.8 * n / 49, ""),
+    ("force_n", lambda n: 800 * n / 49, "spans 0 to 800 N, where no press.*is it in mN?"),
+    ("pressure_mbar", lambda n: n % 7 + 0.5, ""),
+    ("pressure_mbar", lambda n: 0.5 - n % 7, "pressed is positive"),
+    ("pressure_pa,station", lambda n: f"{n % 7},{n // 10}", ""),
+    ("pressure_pa,station,x_mm,y_mm", lambda n: f"{n % 7},{n // 10},3,2", ""),
+    ("pressure_pa,station,x_mm,y_mm",
+     lambda n: f"{n % 7},{n // 10},{4 * (n // 10)},{4 * (n // 30)}", ""),
+    ("pressure_pa,station,x_mm,y_mm",  # all of them one place by `SAME_PLACE_M`
+     lambda n: f"{n % 7},{n // 10},{4e-3 * (n // 10)},{4e-3 * (n // 30)}",
+     "x_mm, y_mm: 6 places span 0.02 mm in all"),
+    ("force_n,depth_mm", lambda n: f"{1 + n % 3},-2.5",
+     "depth_mm is never above 0: here it is positive below the surface"),
+])  # fmt: skip
+def test_what_looks_wrong_is_noted_and_nothing_else(
+    columns: str, row: Callable[[int], object], noted: str, tmp_path: Path
+) -> None:
+    rows = [f"{n / 100:g},{row(n)}" for n in range(60 if "station" in columns else 50)]
+    source = csv(tmp_path / "a.csv", table(f"time_s,{columns}", *rows))
     notes = import_csv(source, tmp_path / "a.run", face_mm2=100.0).notes
-    assert len(notes) == noted
-    assert all("force spans 0 to 800 N, where no press" in note for note in notes)
-    assert all("is it in mN?" in note for note in notes)
-
-
-@pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e-3, 1)])
-def test_places_in_metres_are_noted(tmp_path: Path, factor: float, noted: int) -> None:
-    """44 stations within 0.04 mm are one place by `SAME_PLACE_M`."""
-    rows = [f"{n / 100:g},{n % 7},{n // 10},{factor * 4 * (n // 10)},{factor * 4 * (n // 30)}"
-            for n in range(60)]  # fmt: skip
-    source = csv(tmp_path / "a.csv", table("time_s,pressure_pa,station,x_mm,y_mm", *rows))
-    notes = import_csv(source, tmp_path / "a.run").notes
-    assert len(notes) == noted
-    assert all("x_mm, y_mm: 6 places span 0.02 mm in all" in note for note in notes)
-
-
-@pytest.mark.parametrize("place", ["", ",3,2"])
-def test_presses_at_one_place_or_at_none_are_no_metres(tmp_path: Path, place: str) -> None:
-    rows = [f"{n / 100:g},{n % 7},{n // 10}{place}" for n in range(60)]
-    head = "time_s,pressure_pa,station" + (",x_mm,y_mm" if place else "")
-    source = csv(tmp_path / "a.csv", table(head, *rows))
-    assert import_csv(source, tmp_path / "a.run").notes == ()
-
-
-def test_a_force_that_is_negative_where_it_presses_is_noted(tmp_path: Path) -> None:
-    for sign, name in ((1, "up"), (-1, "down")):
-        rows = [f"{n / 100:g},{sign * (n % 7) + 0.5}" for n in range(50)]
-        source = csv(tmp_path / f"{name}.csv", table("time_s,pressure_mbar", *rows))
-        notes = import_csv(source, tmp_path / f"{name}.run").notes
-        assert [note for note in notes if "pressed is positive" in note] == list(notes)
-        assert len(notes) == (sign < 0)
+    assert len(notes) == bool(noted)
+    for note in notes:
+        assert re.search(noted, note)
 
 
 def test_depths_are_those_of_the_file(tmp_path: Path) -> None:
@@ -102,7 +91,6 @@ def test_depths_are_those_of_the_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("station", ["", ",1"])
 def test_times_that_go_back_are_put_in_order(station: str, tmp_path: Path) -> None:
-    """As packets come that overtake each other: refused, they cost the whole recording."""
     at = [0, 1, 2, 4, 3, 5, 7, 6, 8, 9]
     rows = [f"{n / 100:g},{1 + n}{station}" for n in at]
     (tmp_path / "a.csv").write_text(
@@ -113,13 +101,6 @@ def test_times_that_go_back_are_put_in_order(station: str, tmp_path: Path) -> No
     assert open_run(imported.path).samples()["force"].values.tolist() == [
         1.0 + n for n in range(10)
     ]
-
-
-def test_depths_that_grow_upwards_are_noted(tmp_path: Path) -> None:
-    rows = [f"{n / 100:g},{1 + n % 3},-2.5" for n in range(80)]
-    (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n,depth_mm", *rows]))
-    imported = import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0)
-    assert imported.notes == ("depth_mm is never above 0: here it is positive below the surface",)
 
 
 def test_stations_places_and_a_reference(tmp_path: Path) -> None:
@@ -156,7 +137,6 @@ def test_stations_that_count_from_0_or_from_1_are_the_same(tmp_path: Path, first
 
 
 def test_rows_between_stations_are_left_out(tmp_path: Path) -> None:
-    """As `palpate export` writes them."""
     stations = [-1] * 9 + [1] * 20 + [-1] * 5 + [2] * 20
     rows = [f"{n / 100:g},1,{station}" for n, station in enumerate(stations)]
     imported = import_csv(csv(tmp_path / "a.csv", table("time_s,force_n,station", *rows)),
@@ -199,53 +179,40 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
     assert verify(imported.path).ok
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "no table of numbers"),
-        ("time_s,force_n\n", "no rows"),
-        (table("force_n", "1", "2"), "force_n has no times: say --rate-hz, or --map time_s=COLUMN"),
-        (table("time_s,force_mn", "0,1"), "'force_mn': unknown unit; allowed columns"),
-        (table("time_ms,force_n", "0,1", "1,2"), "no times: .* it has 'time_ms', 'force_n'"),
-        (table("time_s,x_mm", "0,1"), "exactly one of the columns force_n, .* none is there"),
-        (table("time_s,force_n,pressure_pa", "0,1,2"), "force_n and pressure_pa are there"),
-        (table("time_s,force_n", "0,1", "1,two"), "row 3, column 'force_n': 'two' is not a number"),
-        (table("time_s,force_n", "0,1", "1,inf"), "row 3, column 'force_n': 'inf'"),
-        (table("time_s,force_n", "0,1", ",2"), "row 3, column 'time_s': every row"),
-        (table("time_s,force_n", "0,1", "1,1", "2,1"), "station 1 has only 3 readings, at least 4"),
-        (
-            table("station,time_s,force_n", "1,0,1", "2,9,1", "1,1,1"),
-            "station 1 has only 1 readings, at least 4 are needed; sort the rows by station",
-        ),
-        (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
-        (table("time_s,force_n,station", "0,1,-2", "1,1,1"), "row 2, column 'station': -2"),
-        (table("Time (s),Fz", "0,1", "1,2"), r"as --map force_n=COLUMN .*'Time \(s\)', 'Fz'"),
-        (table("time_s,force_n", "09:15,1"), "'09:15' is not a number; seconds are wanted"),
-        (table("time_s,force_n", "0,01,0,5"), r"write '\.' in numbers|not a number"),
-        (table("time_s,force_n,force_n", "0,1,2"), "twice"),
-        ("time_s;force_n\n0;1,5\n1;2,5", "station 1 has only 2 readings"),
-        (table("time_s,force_n", "0,1,2,3"), "not a table|every row|not a number"),
-        (
-            table("time_s,force_n", "0,1", "1,-1e300"),
-            r"row 3, column 'force_n': -1e\+300; -1e\+06 to",
-        ),
-        (
-            table("time_s,pressure_mbar", "0,2e7"),
-            r"column 'pressure_mbar': 2e\+07; .* 1e\+07 mbar is",
-        ),
-        (
-            table("time_s,force_n,x_mm", "0,1,1", "1,1,1e308"),
-            r"row 3, column 'x_mm': 1e\+308; .*mm",
-        ),
-        (table("time_s,force_n,y_mm", "0,1,-4000"), "column 'y_mm': -4000; -3000 to 3000 mm is"),
-        (table("time_s,force_n", "0,1", "1e15,1"), r"row 3, column 'time_s': 1e\+15; .* s is"),
-        (table("time_s,force_n,reference", "0,1,1e20"), r"row 2, column 'reference': 1e\+20"),
-        (
-            table("time_s,force_n,station", *[f"{n},1,{s}" for s in (1, 2, 1) for n in range(5)]),
-            "row 12: station 1 again",
-        ),
-    ],
-)
+@pytest.mark.parametrize("text, said", [
+    ("", "no table of numbers"),
+    ("time_s,force_n\n", "no rows"),
+    (table("force_n", "1", "2"), "force_n has no times: say --rate-hz, or --map time_s=COLUMN"),
+    (table("time_s,force_mn", "0,1"), "'force_mn': unknown unit; allowed columns"),
+    (table("time_ms,force_n", "0,1", "1,2"), "no times: .* it has 'time_ms', 'force_n'"),
+    (table("time_s,x_mm", "0,1"), "exactly one of the columns force_n, .* none is there"),
+    (table("time_s,force_n,pressure_pa", "0,1,2"), "force_n and pressure_pa are there"),
+    (table("time_s,force_n", "0,1", "1,two"), "row 3, column 'force_n': 'two' is not a number"),
+    (table("time_s,force_n", "0,1", "1,inf"), "row 3, column 'force_n': 'inf'"),
+    (table("time_s,force_n", "0,1", ",2"), "row 3, column 'time_s': every row"),
+    (table("time_s,force_n", "0,1", "1,1", "2,1"), "station 1 has only 3 readings, at least 4"),
+    (table("station,time_s,force_n", "1,0,1", "2,9,1", "1,1,1"),
+     "station 1 has only 1 readings, at least 4 are needed; sort the rows by station"),
+    (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
+    (table("time_s,force_n,station", "0,1,-2", "1,1,1"), "row 2, column 'station': -2"),
+    (table("Time (s),Fz", "0,1", "1,2"), r"as --map force_n=COLUMN .*'Time \(s\)', 'Fz'"),
+    (table("time_s,force_n", "09:15,1"), "'09:15' is not a number; seconds are wanted"),
+    (table("time_s,force_n", "0,01,0,5"), r"write '\.' in numbers|not a number"),
+    (table("time_s,force_n,force_n", "0,1,2"), "twice"),
+    ("time_s;force_n\n0;1,5\n1;2,5", "station 1 has only 2 readings"),
+    (table("time_s,force_n", "0,1,2,3"), "not a table|every row|not a number"),
+    (table("time_s,force_n", "0,1", "1,-1e300"),
+     r"row 3, column 'force_n': -1e\+300; -1e\+06 to"),
+    (table("time_s,pressure_mbar", "0,2e7"),
+     r"column 'pressure_mbar': 2e\+07; .* 1e\+07 mbar is"),
+    (table("time_s,force_n,x_mm", "0,1,1", "1,1,1e308"),
+     r"row 3, column 'x_mm': 1e\+308; .*mm"),
+    (table("time_s,force_n,y_mm", "0,1,-4000"), "column 'y_mm': -4000; -3000 to 3000 mm is"),
+    (table("time_s,force_n", "0,1", "1e15,1"), r"row 3, column 'time_s': 1e\+15; .* s is"),
+    (table("time_s,force_n,reference", "0,1,1e20"), r"row 2, column 'reference': 1e\+20"),
+    (table("time_s,force_n,station", *[f"{n},1,{s}" for s in (1, 2, 1) for n in range(5)]),
+     "row 12: station 1 again"),
+])  # fmt: skip
 def test_what_is_wrong_is_said_with_column_and_row(text: str, said: str, tmp_path: Path) -> None:
     source = csv(tmp_path / "bad.csv", text)
     with pytest.raises(CsvError, match=said) as caught:
@@ -340,7 +307,6 @@ def test_a_probe_recorded_on_its_way_is_not_taken_for_one_station(tmp_path: Path
 
 
 def test_a_slow_recording_is_a_sound_run(tmp_path: Path) -> None:
-    """One reading a second: the station ends a second after its last."""
     rows = [f"{n},{n % 7}" for n in range(10)]
     (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n", *rows]))
     assert verify(import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0).path).ok
@@ -360,7 +326,6 @@ def test_a_coarse_sensor_may_read_the_same_again(tmp_path: Path) -> None:
 
 
 def test_places_in_metres_and_tables_pasted_twice_are_noted(tmp_path: Path) -> None:
-    """One was a single station, the other twice as many presses, both without a word."""
     rng = np.random.default_rng(5)
     rows = [
         f"{t},{0.5 + 0.01 * rng.standard_normal():.6f},{x}"

@@ -37,19 +37,15 @@ def test_a_network_folder_with_a_space_in_its_name_is_known(
     assert probe.storage.disk.file_system(Path("/mnt/Our/a.run")) == "ext4"
 
 
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [
-        (errno.EROFS, "read-only file system; name a place that you may write to"),
-        (errno.EACCES, "permission denied; name a place that you may write to"),
-        (errno.ENAMETOOLONG, "file name too long"),
-        (errno.ENOSPC, "the disk is full (no space left on device); everything committed before"),
-    ],
-)
+@pytest.mark.parametrize("number, words", [
+    (errno.EROFS, "read-only file system; name a place that you may write to"),
+    (errno.EACCES, "permission denied; name a place that you may write to"),
+    (errno.ENAMETOOLONG, "file name too long"),
+    (errno.ENOSPC, "the disk is full (no space left on device); everything committed before"),
+])  # fmt: skip
 def test_why_a_run_cannot_be_written_is_said_whatever_its_folder_is_called(
     number: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A read-only file system was "full" because the word was in the path."""
     path = tmp_path / "full" / "a.run"
 
     def refused(file: Path) -> int:
@@ -76,14 +72,11 @@ class Disobedient:
         return self._connection.execute(statement)
 
 
-@pytest.mark.parametrize(
-    ("question", "answer", "said"),
-    [
-        ("PRAGMA synchronous", 1, "does not write synchronously"),
-        ("PRAGMA synchronous", 0, "does not write synchronously"),
-        ("PRAGMA journal_mode = WAL", "delete", "no write-ahead log"),
-    ],
-)
+@pytest.mark.parametrize("question, answer, said", [
+    ("PRAGMA synchronous", 1, "does not write synchronously"),
+    ("PRAGMA synchronous", 0, "does not write synchronously"),
+    ("PRAGMA journal_mode = WAL", "delete", "no write-ahead log"),
+])  # fmt: skip
 def test_a_mode_that_sqlite_refuses_is_said(
     question: str, answer: object, said: str, tmp_path: Path
 ) -> None:

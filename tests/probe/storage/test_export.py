@@ -24,13 +24,6 @@ from probe.storage.export import WRITERS, export
 from probe.storage.run import Run, RunFileError, open_run
 from probe.storage.writer import create_store
 
-RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
-
-
-@pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
-    return scan(RIG, "TIHA", tmp_path_factory.mktemp("runs"), seed=4, respond=winkler).path
-
 
 def test_csv(path: Path, tmp_path: Path) -> None:
     written = {p.name.removeprefix(f"{path.stem}-"): p for p in export(path, ["csv"], tmp_path)}
@@ -98,13 +91,10 @@ def test_wrong_formats_and_runs_are_named(path: Path, tmp_path: Path) -> None:
         export(tmp_path / "missing.run", ["csv"], tmp_path)
 
 
-@pytest.mark.parametrize(
-    "full",
-    [
-        OSError(errno.ENOSPC, "No space left on device"),
-        RuntimeError("flush failed (errno = 28, error message = 'No space left on device')"),
-    ],
-)
+@pytest.mark.parametrize("full", [
+    OSError(errno.ENOSPC, "No space left on device"),
+    RuntimeError("flush failed (errno = 28, error message = 'No space left on device')"),
+])  # fmt: skip
 def test_half_an_export_is_not_left_and_an_earlier_one_stays(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full: Exception
 ) -> None:
@@ -125,7 +115,6 @@ def test_half_an_export_is_not_left_and_an_earlier_one_stays(
 def test_devices_whose_names_differ_in_special_characters_only_all_arrive(
     tmp_path: Path, fmt: str
 ) -> None:
-    """One device's file replaced the other's; one called as our own file of stations that one."""
     levels = {"cell 1": 1.0, "cell_1": 2.0, "cell/1": 3.0, "Cell_1": 4.0, "stations": 5.0}
     channels = {name: (Channel("force", "N", "force"),) for name in levels}
     with create_store(tmp_path / "many.run") as sink:

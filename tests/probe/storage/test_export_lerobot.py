@@ -54,8 +54,7 @@ in src/lerobot/datasets."""
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An array at 50 Hz, a load cell at 500 and a stage at 10, in two presses that are whole and
-    one that is not."""
+    """An array at 50 Hz, a load cell at 500, a stage at 10: two presses are whole, one is not."""
     channels = {
         "skin": tuple(Channel(name, "Pa", "taxel") for name in taxel_names(4, 7)),
         "cell": (Channel("force", "N", "force"),),
@@ -126,8 +125,7 @@ def test_frames_count_up_and_are_a_period_apart(folder: Path) -> None:
 
 
 def test_other_rates_come_into_a_frame_as_stated(folder: Path) -> None:
-    """The readings are their times: of a faster device the mean about a frame, of a slower one
-    the nearest."""
+    """The readings are their times: a faster device's mean, a slower one's nearest."""
     _, table = read(folder)
     frames = table.to_pandas()
     for number, start_s in ((0, 0.0), (1, 2.0)):

@@ -25,20 +25,12 @@ def replace(path: Path) -> None:
     path.with_suffix(".other").rename(path)
 
 
-def cut(path: Path) -> None:
-    os.truncate(path, 4096)
+def to(size: int, which: Callable[[Path], Path] = Path) -> Callable[[Path], None]:
+    """Leaves so many bytes of a run, or of its log."""
+    return lambda path: os.truncate(which(path), size)
 
 
-def empty(path: Path) -> None:
-    os.truncate(path, 0)
-
-
-def cut_log(path: Path) -> None:
-    os.truncate(log(path), 1000)
-
-
-def empty_log(path: Path) -> None:
-    os.truncate(log(path), 0)
+cut, empty, cut_log, empty_log = to(4096), to(0), to(1000, log), to(0, log)
 
 
 def write_more(store: Store, first: int, last: int) -> None:
@@ -148,8 +140,6 @@ def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
 def test_a_scan_says_where_a_run_is_kept_that_was_harmed(
     harm: Callable[[Path], None], tmp_path: Path, winkler: Any
 ) -> None:
-    """Or that it could not be, as where it is cut in the very moment in which it is written."""
-
     def look(event: Event) -> None:
         if isinstance(event, StationStarted) and event.station == 2:
             for path in tmp_path.glob("*.run"):

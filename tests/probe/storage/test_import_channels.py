@@ -1,16 +1,17 @@
 """What an export brings back: the channels that its run was judged on, and what clipped."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from one_press import Devices, one_press, pressed
 
-from drivers import Block, Channel
+from drivers import Channel
 from drivers.core.arrays import Array, Bools
-from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
+from probe.core.events import Samples
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
@@ -20,29 +21,21 @@ FORMS = ["csv", "parquet", "hdf5", "netcdf", "mcap"]
 SAYING = FORMS[1:]  # what their channels are
 TAXELS = tuple(Channel(f"r0c{n}", "Pa", "taxel", simulated=True) for n in range(24))
 CELL = (Channel("force", "N", "force"), Channel("fx", "N"))
-Devices = Mapping[str, tuple[Channel, ...]]
 
 
 def run_of(
     folder: Path, channels: Devices, force: Array | None = None, clipped: Bools | None = None
 ) -> Path:
     """A run of one station; each channel reads another ramp, all of them ``force`` if given."""
-    time_s = 0.01 * np.arange(1, 41)
-    with create_store(folder / "a.run") as store:
-        config = {"face_mm2": 25.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
-        store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, channels))
-        store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
-        for d, (device, own) in enumerate(channels.items()):
-            values = 100.0 * d + np.arange(len(own)) + 0.1 * np.arange(40.0)[:, None]
-            if force is not None:
-                values = np.repeat(force[:, None], len(own), axis=1)
-            marks = np.zeros(values.shape, bool)
-            if clipped is not None:
-                marks[:, 0] = clipped
-            store(Samples(device, Block(time_s, values, marks), 0, 1))
-        store(StationEnded(1.0, 0, 1, complete=True))
-        store(RunEnded(1.0, Finish.COMPLETED, ""))
-    return folder / "a.run"
+    samples = []
+    for d, (device, own) in enumerate(channels.items()):
+        values = 100.0 * d + np.arange(len(own)) + 0.1 * np.arange(40.0)[:, None]
+        if force is not None:
+            values = np.repeat(force[:, None], len(own), axis=1)
+        first = np.arange(len(own)) == 0
+        marks = False if clipped is None else np.outer(clipped, first)
+        samples.append(pressed(device, 0.01 * np.arange(1, 41), values, marks))
+    return one_press(folder / "a.run", channels, samples)
 
 
 def exported(run: Path, form: str, device: str) -> Path:
@@ -108,62 +101,58 @@ def test_a_taxel_that_is_missing_for_a_while_is_missing_still(form: str, tmp_pat
     assert same(tmp_path / "gaps.run", back)
 
 
-def test_a_csv_of_taxels_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    file = exported(run_of(tmp_path, {"skin": TAXELS, "cell": CELL}), "csv", "skin")
-    with pytest.raises(CsvError, match=r"no column of force_n, .*it has .*r0c0_Pa.*HDF5") as caught:
+Edit = Callable[[Path], object]
+
+
+def replaced(old: str, new: str) -> Edit:
+    return lambda file: file.write_text(file.read_text().replace(old, new, 1))
+
+
+def without(name: str) -> Edit:
+    def edit(file: Path) -> None:
+        with h5py.File(file, "a") as opened:
+            del (opened if name in opened else opened.attrs)[name]
+
+    return edit
+
+
+BOTH, ALONE = {"skin": TAXELS, "cell": CELL}, {"cell": CELL}
+ECG = {"ecg": (Channel("lead", "mV", "reference"),)}
+REFUSED: list[tuple[Devices, str, str, Edit, str]] = [
+    (BOTH, "csv", "skin", Path.touch, r"no column of force_n, .*it has .*r0c0_Pa.*HDF5"),
+    (ALONE, "csv", "cell", replaced("False", "perhaps"),
+     "row 2, column 'force_saturated': 'perhaps'; True or False"),
+    (ALONE, "csv", "cell", replaced("depth_mm", "depth_m"),
+     "column 'depth_m': unknown unit; 'depth_mm' is read"),
+    (BOTH, "hdf5", "", without("tactile"), r"which of skin, cell .*and 16 more.*import the CSV"),
+    (BOTH, "hdf5", "", without("skin"), r"judged on 'skin'.*it has cell \(force, fx\)"),
+    *((ECG, form, "ecg", Path.touch, r"no force, pressure or taxel channel.* \(lead\)")
+      for form in SAYING),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("channels", "form", "device", "edit", "said"), REFUSED)
+def test_what_cannot_come_back_is_refused(
+    channels: Devices, form: str, device: str, edit: Edit, said: str, tmp_path: Path
+) -> None:
+    file = exported(run_of(tmp_path, channels), form, device)
+    edit(file)
+    with pytest.raises(CsvError, match=said) as caught:
         import_csv(file, tmp_path / "b.run")
     assert str(file) in str(caught.value)
     assert not (tmp_path / "b.run").exists()
 
 
-def test_a_mark_of_clipping_that_is_no_mark_is_refused(tmp_path: Path) -> None:
-    file = exported(run_of(tmp_path, {"cell": CELL}), "csv", "cell")
-    file.write_text(file.read_text().replace("False", "perhaps", 1))
-    with pytest.raises(CsvError, match="row 2, column 'force_saturated': 'perhaps'; True or False"):
-        import_csv(file, tmp_path / "b.run")
-
-
-def test_a_depth_in_another_unit_is_not_passed_over(tmp_path: Path) -> None:
-    file = exported(run_of(tmp_path, {"cell": CELL}), "csv", "cell")
-    file.write_text(file.read_text().replace("depth_mm", "depth_m", 1))
-    with pytest.raises(CsvError, match="column 'depth_m': unknown unit; 'depth_mm' is read"):
-        import_csv(file, tmp_path / "b.run")
-
-
-def test_an_older_file_that_does_not_say_which_sensor_is_refused(tmp_path: Path) -> None:
-    """Exports had no attribute `tactile` once: with one sensor they are imported as they were."""
-    for channels, known in (({"skin": TAXELS, "cell": CELL}, False), ({"cell": CELL}, True)):
-        folder = tmp_path / str(known)
-        folder.mkdir()
-        file = exported(run_of(folder, channels), "hdf5", "")
-        with h5py.File(file, "a") as opened:
-            del opened.attrs["tactile"]
-        if known:
-            assert import_csv(file, folder / "b.run").samples == 40
-            continue
-        with pytest.raises(CsvError, match=r"which of skin, cell .*and 16 more.*import the CSV"):
-            import_csv(file, folder / "b.run")
-
-
-def test_no_other_sensor_is_taken_where_that_of_the_run_is_not_there(tmp_path: Path) -> None:
-    file = exported(run_of(tmp_path, {"skin": TAXELS, "cell": CELL}), "hdf5", "")
-    with h5py.File(file, "a") as opened:
-        del opened["skin"]
-    with pytest.raises(CsvError, match=r"judged on 'skin'.*it has cell \(force, fx\)"):
-        import_csv(file, tmp_path / "b.run")
-
-
-@pytest.mark.parametrize("form", SAYING)
-def test_an_export_with_nothing_of_a_sensor_says_what_is_there(form: str, tmp_path: Path) -> None:
-    run = run_of(tmp_path, {"ecg": (Channel("lead", "mV", "reference"),)})
-    with pytest.raises(CsvError, match=r"no force, pressure or taxel channel.* \(lead\)"):
-        import_csv(exported(run, form, "ecg"), tmp_path / "b.run")
+def test_an_older_file_of_one_sensor_need_not_say_which(tmp_path: Path) -> None:
+    file = exported(run_of(tmp_path, ALONE), "hdf5", "")
+    without("tactile")(file)
+    assert import_csv(file, tmp_path / "b.run").samples == 40
 
 
 @pytest.mark.parametrize("form", ["parquet", "hdf5", "mcap"])
 def test_a_reading_that_no_device_says_is_refused(form: str, tmp_path: Path) -> None:
     force = np.arange(40.0)
     force[6] = 1e300
-    file = exported(run_of(tmp_path, {"cell": CELL}, force), form, "cell")
+    file = exported(run_of(tmp_path, ALONE, force), form, "cell")
     with pytest.raises(CsvError, match=r"row 7, column '.*/force': 1e\+300; -1e\+06 to 1e\+06 N"):
         import_csv(file, tmp_path / "b.run")

@@ -5,44 +5,25 @@ import struct
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from one_press import one_press, pressed
 from pyarrow import parquet
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from ros_messages import ros_messages
 
-from drivers import Block, Channel
-from probe.config.rig import Rig
-from probe.core.events import (
-    Event,
-    Finish,
-    Phase,
-    PhaseEntered,
-    RunEnded,
-    RunStarted,
-    Samples,
-    StationEnded,
-    StationStarted,
-)
-from probe.scan.session import scan
+from drivers import Channel
+from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples, StationEnded
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from probe.storage.writer import create_store
 
-RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
 HOLDING_S = 4.8  # in the hold of the second press
-
-
-@pytest.fixture(scope="module")
-def path(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
-    return scan(RIG, "TIHA", tmp_path_factory.mktemp("runs"), seed=4, respond=winkler).path
 
 
 each_form = pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
@@ -55,26 +36,9 @@ def exported(path: Path, form: str, folder: Path, device: str = "-force-") -> Pa
     return file
 
 
-def messages(file: Path, topic: str) -> list[Any]:
-    """The messages of one topic by rosbags, which has its own MCAP reader and CDR decoder."""
-    store = get_typestore(Stores.EMPTY)
-    reader = McapReader(file)
-    reader.open()
-    try:
-        (channel,) = (c for c in reader.connections if c.topic == topic)
-        types = get_types_from_msg(channel.msgdef.data, channel.msgtype)
-        store.register({k: v for k, v in types.items() if k not in store.fielddefs})
-        return [
-            store.deserialize_cdr(data, channel.msgtype)
-            for _, _, data in reader.messages(connections=[channel])
-        ]
-    finally:
-        reader.close()
-
-
 def test_mcap_samples_are_read_to_the_bit_by_another_library(path: Path, tmp_path: Path) -> None:
     (file,) = export(path, ["mcap"], tmp_path)
-    data, read = open_run(path).samples("force"), messages(file, "/force/sample")
+    data, read = open_run(path).samples("force"), ros_messages(file, "/force/sample")
     assert np.array_equal([m.time_s for m in read], data["time_s"].values)
     for name in ("force", "von_mises"):
         assert np.array_equal([getattr(m, name) for m in read], data[name].values)
@@ -89,16 +53,15 @@ def test_mcap_samples_are_read_to_the_bit_by_another_library(path: Path, tmp_pat
 def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
     (file,) = export(path, ["mcap"], tmp_path)
     run = open_run(path)
-    wrench = messages(file, "/force/wrench")
+    wrench = ros_messages(file, "/force/wrench")
     assert np.array_equal([m.wrench.force.z for m in wrench], run.samples()["force"].values)
-    pose = messages(file, "/stage/pose")
+    pose = ros_messages(file, "/stage/pose")
     assert np.array_equal([m.pose.position.z for m in pose], run.samples("stage")["z"].values)
     assert {m.pose.orientation.w for m in pose} == {1.0}
     assert {m.header.frame_id for m in pose} == {"scan"}
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
-        assert summary is not None
         units = {c.topic: c.metadata.get("unit of force") for c in summary.channels.values()}
         assert units["/force/sample"] == "N"
         about, stations = reader.iter_attachments()
@@ -136,39 +99,19 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
 BESIDE = {"imported": Channel("force", "N", "force"), "ecg": Channel("lead II", "mV", "reference")}
 
 
-def run_of(path: Path, channels: dict[str, tuple[Channel, ...]], samples: list[Samples]) -> Path:
-    """A run of one station of a second that holds ``samples``."""
-    config = {"face_mm2": 25.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
-    with create_store(path) as store:
-        store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, channels))
-        store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
-        for one in samples:
-            store(one)
-        store(StationEnded(1.0, 0, 1, complete=True))
-        store(RunEnded(1.0, Finish.COMPLETED, ""))
-    return path
-
-
-def block(time_s: Any, values: Any) -> Block:
-    values = np.reshape(values, (len(time_s), -1)).astype(float)
-    return Block(np.asarray(time_s, float), values, np.zeros(values.shape, bool))
-
-
 @pytest.mark.parametrize("form", ["hdf5", "netcdf", "mcap"])
 @pytest.mark.parametrize("together", [True, False])
 def test_a_reference_and_the_face_come_back_too(form: str, together: bool, tmp_path: Path) -> None:
-    """From a channel of the sensor itself, or of another device at times of its own."""
     time_s, beats_s = np.linspace(0.1, 0.9, 40), np.linspace(0.05, 0.95, 31)
     force, beats = np.arange(40.0), np.sin(np.arange(31.0))
     if together:
         beats_s, beats = time_s, np.sin(np.arange(40.0))
-        both = block(time_s, np.column_stack([force, beats]))
         channels = {"cell": tuple(BESIDE.values())}
-        path = run_of(tmp_path / "a.run", channels, [Samples("cell", both, 0, 1)])
+        samples = [pressed("cell", time_s, np.column_stack([force, beats]))]
     else:
-        samples = [Samples("imported", block(time_s, force), 0, 1)]
-        samples += [Samples("ecg", block(beats_s, beats), 0, 1)]
-        path = run_of(tmp_path / "a.run", {n: (c,) for n, c in BESIDE.items()}, samples)
+        channels = {n: (c,) for n, c in BESIDE.items()}
+        samples = [pressed("imported", time_s, force), pressed("ecg", beats_s, beats)]
+    path = one_press(tmp_path / "a.run", channels, samples)
     (file,) = export(path, [form], tmp_path)
     imported = import_csv(file, tmp_path / "back.run")
     (station,) = open_run(imported.path).recording().stations
@@ -183,8 +126,8 @@ def test_a_reference_and_the_face_come_back_too(form: str, together: bool, tmp_p
 def test_an_infinite_reading_is_none(form: str, tmp_path: Path) -> None:
     force = np.arange(40.0)
     force[[3, 7]] = math.inf, -math.inf
-    samples = [Samples("imported", block(np.linspace(0.1, 0.9, 40), force), 0, 1)]
-    path = run_of(tmp_path / "a.run", {"imported": (BESIDE["imported"],)}, samples)
+    samples = [pressed("imported", np.linspace(0.1, 0.9, 40), force)]
+    path = one_press(tmp_path / "a.run", {"imported": (BESIDE["imported"],)}, samples)
     file = exported(path, form, tmp_path, "-imported")
     imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
     assert imported.samples == 38
@@ -223,7 +166,6 @@ def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
 def test_a_press_that_broke_off_is_judged_nowhere(
     form: str, says: bool, path: Path, tmp_path: Path
 ) -> None:
-    """Whether its stop is in the file, or the file ends before."""
     broken = cut_off(
         path, tmp_path / "broken.run",
         lambda e: isinstance(e, Samples) and e.block.time_s[-1] > HOLDING_S,
@@ -237,7 +179,6 @@ def test_a_press_that_broke_off_is_judged_nowhere(
                     store(PhaseEntered(event.time_s - 0.01, Phase.STOPPING, 1))
                     event = replace(event, complete=False)
                 store(event)
-            assert isinstance(end, RunEnded)
             store(replace(end, finish=Finish.FAULTED))
         broken = stopped
     file = exported(broken, form, tmp_path)
@@ -281,7 +222,7 @@ def wrenches(file: Path, topics: dict[str, list[float]]) -> None:
                 body = head.ljust(-(-len(head) // 8) * 8, b"\0")
                 body += struct.pack("<6d", 1.0, 2.0, force, 0.0, 0.0, 0.0)
                 writer.add_message(channel, n, b"\0\1\0\0" + body, n)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
 
 
 @pytest.mark.parametrize(("column", "value"), [("force.x", 1.0), ("-force.y", -2.0)])
@@ -329,7 +270,6 @@ def test_a_file_that_is_none_is_refused(ending: str, tmp_path: Path) -> None:
 def test_phases_in_words_of_others_are_none(
     ending: str, phase: str | float, tmp_path: Path
 ) -> None:
-    """Their hold is found from the force, as in any recording without phases."""
     time_s = np.arange(0.0, 12.0, 0.01)
     force_n = np.interp(time_s, [1, 2, 9, 10], [0.0, 1.0, 1.0, 0.0])
     table = pd.DataFrame(

@@ -1,23 +1,29 @@
-"""Runs that are linked, looked at or damaged while a scan writes them or after."""
+"""Runs and their logs that are linked, looked at or damaged while a scan writes them or after."""
 
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
 from databases import opened
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
+from programs import python
 from small_runs import log, samples, written
 
+from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, RunEnded
 from probe.guards.commands import Control, RunCommand
 from probe.scan.remote import ask, listening
+from probe.scan.session import scan
+from probe.storage.log import unreadable_frames
 from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
@@ -61,7 +67,7 @@ def test_looking_at_a_run_in_the_scanning_process_keeps_its_locks(
         elif look == "try to write":
             with pytest.raises(StoreError, match="another scan"):
                 reopen_store(path)
-        other = subprocess.run([sys.executable, "-c", LOOK, path], capture_output=True, check=True)
+        other = python("-c", LOOK, path, status=0)
         assert int(other.stdout) == 7
         assert log(path).exists()
         for n in range(5, 9):
@@ -99,7 +105,6 @@ def test_a_scan_is_reached_through_a_link(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("linked", [True, False])
 def test_a_killed_run_without_its_log_is_not_taken_for_whole(linked: bool, tmp_path: Path) -> None:
-    """The log is lost, or has another name than a hard link to the run."""
     path = killed(tmp_path)
     other = tmp_path / "other.run" if linked else path
     if linked:
@@ -258,3 +263,31 @@ def test_a_trigger_behind_many_tables_is_found(tmp_path: Path) -> None:
     for reader in (open_run, verify, reopen_store):
         with pytest.raises(RunFileError):
             reader(path)
+
+
+def test_a_log_that_comes_between_two_looks_is_looked_for_again(
+    tmp_path: Path, winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one_station = Rig.model_validate({"scan": {"start_mm": 32, "stations": 1, "hold_s": 0.2}})
+    path = scan(one_station, "TIHA", tmp_path, seed=2, respond=winkler).path
+
+    def looks(until: int) -> int:
+        """How often it is looked when a log is there after so many looks."""
+        looked: list[int] = []
+
+        def state(_: Path) -> tuple[tuple[int, int], bool]:
+            looked.append(1)
+            return (0, 0), len(looked) > until
+
+        monkeypatch.setattr("probe.storage.reader._state", state)
+        assert open_run(path).finish == "completed"
+        return len(looked)
+
+    assert looks(1) == looks(0) + 2
+
+
+@pytest.mark.parametrize("page_size", [0, 511, 768, 131_072])
+def test_a_log_whose_pages_no_sqlite_has_is_unreadable(page_size: int, tmp_path: Path) -> None:
+    log = tmp_path / "x.run-wal"
+    log.write_bytes(struct.pack(">3I", 0x377F0682, 3007000, page_size) + bytes(20 + 24 + 512))
+    assert unreadable_frames(log) == 1

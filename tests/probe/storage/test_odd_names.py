@@ -12,8 +12,7 @@ import pytest
 import xarray as xr
 from mcap.reader import make_reader
 from pyarrow import parquet
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from ros_messages import ros_messages
 
 from drivers import Block, Channel
 from drivers.core.arrays import Array
@@ -98,7 +97,7 @@ def test_channels_with_names_that_are_taken_are_all_in_every_table(tmp_path: Pat
     with xr.open_dataset(files["netcdf"][0], group="zelle_ü", engine="h5netcdf") as found:
         for n, name in enumerate(reported):
             assert np.array_equal(found[name], first_of(0, n))
-    messages = ros_messages(files["mcap"][0])
+    messages = ros_messages(files["mcap"][0], "/sample")
     names = [k for k in vars(messages[0]) if k in telling(messages[0])]
     assert len(names) == len(ODD) + 1
     for n, name in enumerate(names):
@@ -109,21 +108,6 @@ def telling(message: object) -> list[str]:
     """The message's fields that hold a channel."""
     others = {"header", "time_s", "station", "attempt", "phase"}
     return [k for k, v in vars(message).items() if isinstance(v, float) and k not in others]
-
-
-def ros_messages(file: Path) -> list[object]:
-    """The first topic of samples, by rosbags' own reader and decoder."""
-    store, reader = get_typestore(Stores.EMPTY), McapReader(file)
-    reader.open()
-    try:
-        channel = next(c for c in reader.connections if c.topic.endswith("/sample"))
-        store.register(get_types_from_msg(channel.msgdef.data, channel.msgtype))
-        return [
-            store.deserialize_cdr(data, channel.msgtype)
-            for _, _, data in reader.messages(connections=[channel])
-        ]
-    finally:
-        reader.close()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names are always text")
@@ -141,14 +125,12 @@ def test_a_folder_may_have_a_name_that_is_not_utf_8(form: str, tmp_path: Path) -
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_run_without_a_force_is_exported(form: str, tmp_path: Path) -> None:
-    """A rehearsal in the air, with only an ECG."""
     path = run_of(tmp_path / "a.run", {"ecg": (Channel("ecg", "mV", "reference"),)})
     assert export(path, [form], tmp_path / "out")
     assert open_run(path).stations()["samples"].tolist() == [0]
 
 
 def test_each_session_of_a_resumed_run_has_its_own_wall_time(tmp_path: Path) -> None:
-    """The scan's clock goes on where it stopped; the day's does not."""
     path = run_of(tmp_path / "a.run", {"cell": (FORCE,)})
     with reopen_store(path) as store:
         for event in session({"cell": (FORCE,)}, 5.0, 3600.0, 2):
@@ -189,7 +171,6 @@ def test_a_session_does_not_begin_in_the_phase_that_the_last_was_killed_in(tmp_p
 def test_an_imported_recording_comes_back_with_what_it_had(
     form: str, places: str, tmp_path: Path
 ) -> None:
-    """Without positions too, and without a stage that says where it was."""
     rows = [f"{n / 100:g},{n % 7},{1 + n // 10}" for n in range(30)]
     if places:
         rows = [f"{row},{4 * (n // 10)}" for n, row in enumerate(rows)]
@@ -200,14 +181,3 @@ def test_an_imported_recording_comes_back_with_what_it_had(
     again = open_run(import_csv(file, tmp_path / "b.run", face_mm2=50.0).path)
     pd.testing.assert_frame_equal(again.stations(), first.stations())
     xr.testing.assert_equal(again.samples(), first.samples())
-
-
-@pytest.mark.parametrize("form", ["hdf5", "netcdf", "mcap"])
-def test_the_device_that_felt_is_the_one_that_comes_back(form: str, tmp_path: Path) -> None:
-    """Beside a load cell, which a file's groups would list first."""
-    channels = {"skin": (Channel("pressure", "Pa", "pressure"),), "cell": (FORCE,)}
-    path = run_of(tmp_path / "a.run", channels)
-    (file,) = export(path, [form], tmp_path / "out")
-    back = open_run(import_csv(file, tmp_path / "b.run").path)
-    assert back.recording().channels == ("imported.pressure",)
-    assert np.array_equal(back.samples()["pressure"], first_of(0, 0))

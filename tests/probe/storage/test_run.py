@@ -89,7 +89,6 @@ def test_samples_come_as_labelled_arrays_with_units(path: Path) -> None:
 
 
 def test_samples_carry_the_depth_of_the_tip_at_their_time(path: Path) -> None:
-    """An export said the depth of the hold at every one, in the air too."""
     for device in ("stage", "force"):
         data, stage = (open_run(path).samples(name) for name in (device, "stage"))
         deep_mm = data["depth_mm"].to_numpy()

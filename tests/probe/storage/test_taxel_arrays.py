@@ -1,7 +1,6 @@
 """An array is an array wherever a run goes: element (r, c) is in row r and column c."""
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from one_press import one_press, pressed
 from scipy.io import loadmat
 
-from drivers import Block, Channel
+from drivers import Channel
 from drivers.core.array_layout import taxel_names
 from drivers.core.arrays import Array
-from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
+from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
-from probe.storage.writer import create_store
 
 LAYOUTS = [(1, 8), (4, 7), (8, 8), (16, 16)]
 SAMPLES = 12
@@ -27,18 +26,11 @@ SAMPLES = 12
 
 def run_of(folder: Path, channels: tuple[Channel, ...], values: Array) -> Path:
     """A run of one press, whose samples all read ``values`` (channels,) and 0.5 more each time."""
-    time_s = 0.02 * np.arange(1, SAMPLES + 1)
     block = values + 0.5 * np.arange(SAMPLES)[:, None]
-    marks = np.zeros(block.shape, bool)
-    marks[3, -1] = True
-    with create_store(folder / "a.run") as store:
-        config = {"face_mm2": 25.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
-        store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, {"skin": channels}))
-        store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
-        store(Samples("skin", Block(time_s, block, marks), 0, 1))
-        store(StationEnded(1.0, 0, 1, complete=True))
-        store(RunEnded(1.0, Finish.COMPLETED, ""))
-    return folder / "a.run"
+    clipped = np.zeros(block.shape, bool)
+    clipped[3, -1] = True
+    samples = pressed("skin", 0.02 * np.arange(1, SAMPLES + 1), block, clipped)
+    return one_press(folder / "a.run", {"skin": channels}, [samples])
 
 
 def skin(rows: int, columns: int) -> tuple[Channel, ...]:
@@ -131,7 +123,6 @@ def test_changed_arrays_are_judged_in_place_of_what_was_stored(tmp_path: Path) -
 
 
 def test_a_taxel_that_is_none_any_more_leaves_a_hole(tmp_path: Path) -> None:
-    """As a calibration leaves a dead one."""
     channels = list(skin(2, 3))
     channels[4] = replace(channels[4], role="other", unit="")
     data = open_run(run_of(tmp_path, tuple(channels), np.arange(6.0))).samples()
@@ -139,15 +130,11 @@ def test_a_taxel_that_is_none_any_more_leaves_a_hole(tmp_path: Path) -> None:
     assert data["r1c1"].to_numpy()[0] == 4.0
 
 
-@pytest.mark.parametrize(
-    "channels",
-    [
-        tuple(Channel(f"t{n}", "Pa", "taxel") for n in range(6)),
-        (*skin(1, 5), Channel("r0c4", "Pa", "taxel")),
-        (*skin(1, 5), Channel("r0c5", "kPa", "taxel")),
-    ],
-    ids=["no names", "twice the same", "another unit"],
-)
+@pytest.mark.parametrize("channels", [
+    tuple(Channel(f"t{n}", "Pa", "taxel") for n in range(6)),
+    (*skin(1, 5), Channel("r0c4", "Pa", "taxel")),
+    (*skin(1, 5), Channel("r0c5", "kPa", "taxel")),
+], ids=["no names", "twice the same", "another unit"])  # fmt: skip
 def test_taxels_whose_places_nobody_knows_stay_channels(
     channels: tuple[Channel, ...], tmp_path: Path
 ) -> None:
@@ -157,8 +144,6 @@ def test_taxels_whose_places_nobody_knows_stay_channels(
 
 
 def test_a_damaged_array_is_refused_and_named(tmp_path: Path) -> None:
-    from probe.storage.csv_import import CsvError, import_csv
-
     (path,) = export(run_of(tmp_path, skin(2, 3), np.arange(6.0)), "hdf5", tmp_path)
     with h5py.File(path, "a") as file:
         file["skin/taxels"].attrs["channels"] = "r0c0 r5c0"

@@ -39,10 +39,8 @@ Tamper = Callable[[list[Event]], list[Event]]
 
 
 @pytest.fixture(scope="module")
-def events(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> list[Event]:
-    rig = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
-    ran = scan(rig, "TIHA", tmp_path_factory.mktemp("runs"), respond=winkler)
-    return list(open_run(ran.path).events())
+def events(path: Path) -> list[Event]:
+    return list(open_run(path).events())
 
 
 def stored(events: list[Event], path: Path) -> Report:
@@ -69,7 +67,6 @@ def test_a_run_cut_off_anywhere_is_sound(events: list[Event], tmp_path: Path) ->
 
 
 def test_what_a_damaged_index_leaves_whole_is_counted(events: list[Event], tmp_path: Path) -> None:
-    """Its check ended the count of events before it had begun."""
     path = tmp_path / "a.run"
     stored(events, path)
     with sqlite3.connect(path) as database:
@@ -144,30 +141,26 @@ def swapped(events: list[Event]) -> list[Event]:
     return events
 
 
-@pytest.mark.parametrize(
-    ("tamper", "said"),
-    [
-        (swapped, "out of order"),
-        (block(lambda one: [one, one]), "samples of .* twice"),
-        (block(lambda one: [replace(one, station=0)]), "do not belong to station 1"),
-        (block(lambda one: [replace(one, station=None, attempt=None)]), "belong to station 2"),
-        (tail_lost, "its last samples are not in"),
-        (without(PhaseEntered, phase=Phase.HOLDING), "complete without holding"),
-        (without(PhaseEntered, phase=Phase.HOLDING), "retracting cannot follow indenting"),
-        (changed(StationEnded, {"station": 1}, complete=False),
-         "ended as completed without stations [2]"),
-        (changed(StationStarted | StationEnded, {"station": 1}, attempt=3),
-         "attempt 3 at station 2 should be 1"),
-        (changed(StationStarted, {"station": 1}, x_m=32.1e-3), "not where it was planned"),
-        (without(StationStarted, station=1), "do not belong to station 2"),
-        (changed(RunEnded, {}, time_s=0.1), "at 0.1000 s, after one at"),
-        (lambda events: [*events, PhaseEntered(99.0, Phase.FINISHED, None)], "outside of a run"),
-        (block(wide), "does not fit the channels"),
-        (block(timeless), "out of order"),
-        (without(RunStarted), "the run has no beginning"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)  # fmt: skip
+@pytest.mark.parametrize("tamper, said", [
+    (swapped, "out of order"),
+    (block(lambda one: [one, one]), "samples of .* twice"),
+    (block(lambda one: [replace(one, station=0)]), "do not belong to station 1"),
+    (block(lambda one: [replace(one, station=None, attempt=None)]), "belong to station 2"),
+    (tail_lost, "its last samples are not in"),
+    (without(PhaseEntered, phase=Phase.HOLDING), "complete without holding"),
+    (without(PhaseEntered, phase=Phase.HOLDING), "retracting cannot follow indenting"),
+    (changed(StationEnded, {"station": 1}, complete=False),
+     "ended as completed without stations [2]"),
+    (changed(StationStarted | StationEnded, {"station": 1}, attempt=3),
+     "attempt 3 at station 2 should be 1"),
+    (changed(StationStarted, {"station": 1}, x_m=32.1e-3), "not where it was planned"),
+    (without(StationStarted, station=1), "do not belong to station 2"),
+    (changed(RunEnded, {}, time_s=0.1), "at 0.1000 s, after one at"),
+    (lambda events: [*events, PhaseEntered(99.0, Phase.FINISHED, None)], "outside of a run"),
+    (block(wide), "does not fit the channels"),
+    (block(timeless), "out of order"),
+    (without(RunStarted), "the run has no beginning"),
+], ids=lambda value: value if isinstance(value, str) else "")  # fmt: skip
 def test_what_is_wrong_is_said(
     tamper: Tamper, said: str, events: list[Event], tmp_path: Path
 ) -> None:
@@ -206,7 +199,6 @@ def test_a_run_that_was_killed_before_its_first_event_is_said_alike_by_all(tmp_p
 def test_what_is_left_of_a_damaged_run_is_taken_out_as_the_page_says(
     share: float, tmp_path: Path, winkler: Any
 ) -> None:
-    """Its middle is overwritten, or its end."""
     rig = Rig.model_validate({"scan": {"start_mm": 24.0, "stations": 5}})
     path = scan(rig, "TI", tmp_path, respond=winkler).path
     size = path.stat().st_size

@@ -3,8 +3,6 @@
 import os
 import resource
 import sqlite3
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from databases import opened
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import ROOT
+from programs import python
 from small_runs import CHANNELS, STARTED, samples, written
 
 import probe.storage.disk
@@ -158,12 +157,10 @@ except StoreError as error:
 
 
 def test_only_one_writer(tmp_path: Path) -> None:
-    """Of this process or of another."""
     with create_store(tmp_path / "a.run"):
         with pytest.raises(StoreError, match="another scan is writing"):
             reopen_store(tmp_path / "a.run")
-        command = [sys.executable, "-c", OTHER, str(tmp_path / "a.run")]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        done = python("-c", OTHER, tmp_path / "a.run", status=0)
     assert "another scan is writing this run" in done.stdout
     reopen_store(tmp_path / "a.run").close()
 
@@ -198,7 +195,6 @@ def test_a_number_that_is_none_is_not_stored(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("flushes", [True, False])
 def test_a_full_disk_keeps_what_was_committed(flushes: bool, tmp_path: Path) -> None:
-    """It is told without asking for a flush too."""
     path, until_s = tmp_path / "a.run", time.monotonic() + 20
     with written(path, 5) as store:
         store._connection.execute("PRAGMA max_page_count = 20")
@@ -214,7 +210,6 @@ def test_a_full_disk_keeps_what_was_committed(flushes: bool, tmp_path: Path) -> 
 
 
 def test_a_disk_with_no_room_for_the_log_to_grow_does_not_leave_a_run_open(tmp_path: Path) -> None:
-    """The log went into the file and was removed, and nothing said how many events there are."""
     path = tmp_path / "a.run"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with written(path, 5) as store:
@@ -245,15 +240,8 @@ print(scan(scene="TIHA", out=sys.argv[1], respond=respond_winkler).ended.reason)
 
 def test_a_scan_survives_a_file_that_may_not_grow(tmp_path: Path) -> None:
     tests = ROOT / "tests"
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, str(tmp_path), "500000", str(tests)],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tests.parent,
-        env={**os.environ, "PYTHONPATH": str(tests.parent)},
-        timeout=200,
-    )
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = python("-c", FULL, tmp_path, "500000", tests, cwd=ROOT, env=env, status=0)
     assert "can no longer be stored" in done.stdout
     (path,) = tmp_path.glob("*.run")
     report = verify(path)
@@ -328,7 +316,6 @@ def test_a_damaged_or_empty_file_is_not_added_to(empty: bool, said: str, tmp_pat
 
 @pytest.mark.parametrize(("channels", "samples"), [(1, 5), (2, 25), (3, 6), (7, 25), (256, 2)])
 def test_a_file_is_as_large_as_a_dry_run_says(channels: int, samples: int, tmp_path: Path) -> None:
-    """Never larger, and not half as large either."""
     cell = tuple(Channel(f"c{n}", "N", "force") for n in range(channels))
     saturated = np.zeros((samples, channels), dtype=bool)
     with create_store(tmp_path / "a.run") as store:
