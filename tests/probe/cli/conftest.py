@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,14 +48,14 @@ def _log_handlers_end_with_their_command() -> Iterator[None]:
 
 @pytest.fixture
 def palpate(capfd: pytest.CaptureFixture[str]) -> Palpate:
-    """Run one command."""
+    """Run one command, which is to end with ``status``."""
 
-    def run(*arguments: str | Path) -> Outcome:
+    def run(*arguments: str | Path, status: int | None = None) -> Outcome:
         capfd.readouterr()
-        given: Sequence[str] = [str(one) for one in arguments]
-        status = main(given)
-        out, err = capfd.readouterr()
-        return Outcome(status, out, err)
+        ended = main([str(one) for one in arguments])
+        done = Outcome(ended, *capfd.readouterr())
+        assert status in (None, ended), done
+        return done
 
     return run
 

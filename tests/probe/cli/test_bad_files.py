@@ -2,12 +2,11 @@
 
 import errno
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from own_scene import OWN_SCENE
+from programs import ended
 
 from probe.cli.errors import status_of
 from probe.config.rig import Rig
@@ -33,21 +32,14 @@ name = "TIHA"
 # (what is in the file, what is written instead, what the message must name)
 WRONG_RIGS = [
     ("stations = 3", "stations = 0", ["scan.stations", "0", "must be greater than or equal to 1"]),
-    ("stations = 3", "stations = 30", ["station", "72 mm", "workspace"]),
-    ("stations = 3", "statons = 3", ["scan.statons", "3"]),
     ("stations = 3", "pitch = 4.0", ["did you mean pitch_mm?); known here: approach_mm_s, "]),
     ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "0.000001"]),
     ("stations = 3", "indentation_mm = 20.0\nramp_s = 2.0", ["20", "workspace"]),
     ("stations = 3", "travel_mm_s = 80.0", ["scan.travel_mm_s", "80", "max_speed_mm_s"]),
-    ("stations = 3", "hold_s = nan", ["scan.hold_s", "nan", "finite"]),
     ("max_force_n = 5.0", "max_force_n = 'five'", ["safety.max_force_n", "five", "number"]),
-    ("max_force_n = 5.0", "max_depth_mm = 1.0", ["safety.max_depth_mm", "1", "2.5 mm"]),
     ('[stage]\ndriver = "virtual"', '[stage]\ndriver = "ur99"', ["stage", "ur99", "known"]),
-    ("[scan]", "rate_hz = -5\n[scan]", ["sensor[0]", "rate_hz", "-5"]),
     ('name = "TIHA"', 'name = "nowhere.toml"', ["nowhere.toml", "TIHA"]),
     ('[scene]\nname = "TIHA"', "", ["scene.name", "missing", "TIHA"]),
-    ("[safety]", "[calibration]\nforce = 'gone.json'\n[safety]",
-     ["calibration.force", "gone.json"]),
     ('name = "TIHA"', "", ["rig.toml: scene.name is missing\n"]),
     ("[scan]", "[scan", ["not TOML"]),
 ]  # fmt: skip
@@ -99,65 +91,59 @@ def test_wrong_scene(palpate, tmp_path: Path, old: str, new: str, named: list[st
 
 
 def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
-    """The files that the wrong ones are made of are right."""
     (tmp_path / "rig.toml").write_text(RIG.replace("TIHA", "scene.toml"))
     (tmp_path / "scene.toml").write_text(OWN_SCENE)
-    outcome = palpate("scan", tmp_path / "rig.toml", "--dry-run", "--out", tmp_path)
-    assert outcome.status == 0, outcome.err
+    palpate("scan", tmp_path / "rig.toml", "--dry-run", "--out", tmp_path, status=0)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["scan", "--scene", "TIXX"], ["TIXX", "TIHA"]),
-        (["scan", "none.toml"], ["none.toml", "no such file"]),
-        (["scan", "--seed", "-1"], ["seed", "-1"]),
-        (["scan", "--fallback", "real"], ["--fallback", "real", "virtual"]),
-        (["detect", "none.run"], ["none.run"]),
-        (["detect", "none.run", "--false-alarm", "2"], ["--false-alarm 2", "between 0 and 1"]),
-        (["detect", "none.run", "--ask", "-5"], ["--ask -5", "more than 0"]),
-        (["detect", "none.run", "--ask", "nan"], ["--ask nan", "more than 0"]),
-        (["compare", "a.run"], ["takes two runs, got 1: a.run"]),
-        (["compare", "a.run", "b.run", "c.run"], ["got 3: a.run, b.run, c.run", "name two"]),
-        (["compare", "a.run", "./a.run"], ["a.run and a.run are one run; name two"]),
-        (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
-        (["press", "TI", "--x", "32"], ["--depth"]),
-        (["press", "TI", "--x", "3.2cm", "--depth", "1"], ["'--x'", "'3.2cm' must be a number\n"]),
-        (["scan", "--seed", "1.5"], ["'--seed'", "'1.5' must be a whole number\n"]),
-        (["sweep", "TI", "--vary", "a=1", "--workers", "0"], ["'0' must be greater than or equal"]),
-        ([*PRESS, "--model", "magic"], ["magic", "finite"]),
-        (["live", "."], ["a folder"]),
-        (["report", "."], [".: a folder; give the run file in it"]),
-        (["detect", "/"], ["/: a folder; give the run file in it"]),
-        (["sweep", "TI", "--vary", "height_mm=a"], ["--vary height_mm=a", "is no number"]),
-        (["scan", "/tmp"], ["/tmp", "a folder", "a file is needed"]),
-        (["scan", "--scene", "/tmp"], ["/tmp", "a folder"]),
-        (["scan", "--seed", "-1", "--dry-run"], ["--seed", "-1"]),
-        (["plan", "--can-i-see", "--noise-mn", "-1"], ["--noise-mn", "-1"]),
-        (["runs", ".", "--finding", "artry"], ["artry", "stenotic artery"]),
-        (["runs", ".", "--since", "yesterday"], ["yesterday", "2026-01-31"]),
-        (["runs", ".", "--note", "gel"], ["say it as KEY=VALUE"]),
-        (["scann"], ["scann", "scan"]),
-        (["scan", "--stations", "9-5"], ["--stations 9-5"]),
-        (["scan", "--stations", "x"], ["--stations x"]),
-        (["scan", "--stations", "0"], ["--stations 0"]),
-        (["scan", "--stations", "1-"], ["--stations 1-"]),
-        (["emulate", "toaster"], ["toaster", "grbl"]),
-        (["emulate", "grbl", "--at", "ft300=pty"], ["ft300=pty", "grbl"]),
-        (["emulate", "grbl", "--scene", "TIXX"], ["TIXX"]),
-        ([*PRESS, "--gradient", "--model", "small"], ["gradients are of finite strain"]),
-        ([*PRESS, "--gradient", "--model", "axisymmetric"], ["gradients are of finite strain"]),
-        ([*PRESS, "--taxels", "8"], ["must be rows x columns"]),
-        ([*PRESS, "--pitch", "1"], ["of which taxels"]),
-        ([*PRESS, "--taxels", "0x3"], ["must be rows x columns"]),
-        ([*PRESS, "--taxels", "1x3", "--pitch", "-1"], ["must be above 0"]),
-        (["press", "TI", "--x", "0.032", "--depth", "0.002"],
-         ["less than a thousandth of the finger's 10 mm", "--x 32 --depth 2"]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments, named", [
+    (["scan", "--scene", "TIXX"], ["TIXX", "TIHA"]),
+    (["scan", "none.toml"], ["none.toml", "no such file"]),
+    (["scan", "--seed", "-1"], ["seed", "-1"]),
+    (["scan", "--fallback", "real"], ["--fallback", "real", "virtual"]),
+    (["detect", "none.run"], ["none.run"]),
+    (["detect", "none.run", "--false-alarm", "2"], ["--false-alarm 2", "between 0 and 1"]),
+    (["detect", "none.run", "--ask", "-5"], ["--ask -5", "more than 0"]),
+    (["detect", "none.run", "--ask", "nan"], ["--ask nan", "more than 0"]),
+    (["compare", "a.run"], ["takes two runs, got 1: a.run"]),
+    (["compare", "a.run", "b.run", "c.run"], ["got 3: a.run, b.run, c.run", "name two"]),
+    (["compare", "a.run", "./a.run"], ["a.run and a.run are one run; name two"]),
+    (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
+    (["press", "TI", "--x", "32"], ["--depth"]),
+    (["press", "TI", "--x", "3.2cm", "--depth", "1"], ["'--x'", "'3.2cm' must be a number\n"]),
+    (["scan", "--seed", "1.5"], ["'--seed'", "'1.5' must be a whole number\n"]),
+    (["sweep", "TI", "--vary", "a=1", "--workers", "0"], ["'0' must be greater than or equal"]),
+    ([*PRESS, "--model", "magic"], ["magic", "finite"]),
+    (["live", "."], ["a folder"]),
+    (["report", "."], [".: a folder; give the run file in it"]),
+    (["detect", "/"], ["/: a folder; give the run file in it"]),
+    (["sweep", "TI", "--vary", "height_mm=a"], ["--vary height_mm=a", "is no number"]),
+    (["scan", "/tmp"], ["/tmp", "a folder", "a file is needed"]),
+    (["scan", "--scene", "/tmp"], ["/tmp", "a folder"]),
+    (["scan", "--seed", "-1", "--dry-run"], ["--seed", "-1"]),
+    (["plan", "--can-i-see", "--noise-mn", "-1"], ["--noise-mn", "-1"]),
+    (["runs", ".", "--finding", "artry"], ["artry", "stenotic artery"]),
+    (["runs", ".", "--since", "yesterday"], ["yesterday", "2026-01-31"]),
+    (["runs", ".", "--note", "gel"], ["say it as KEY=VALUE"]),
+    (["scann"], ["scann", "scan"]),
+    (["scan", "--stations", "9-5"], ["--stations 9-5"]),
+    (["scan", "--stations", "x"], ["--stations x"]),
+    (["scan", "--stations", "0"], ["--stations 0"]),
+    (["scan", "--stations", "1-"], ["--stations 1-"]),
+    (["emulate", "toaster"], ["toaster", "grbl"]),
+    (["emulate", "grbl", "--at", "ft300=pty"], ["ft300=pty", "grbl"]),
+    (["emulate", "grbl", "--scene", "TIXX"], ["TIXX"]),
+    ([*PRESS, "--gradient", "--model", "small"], ["gradients are of finite strain"]),
+    ([*PRESS, "--gradient", "--model", "axisymmetric"], ["gradients are of finite strain"]),
+    ([*PRESS, "--taxels", "8"], ["must be rows x columns"]),
+    ([*PRESS, "--pitch", "1"], ["of which taxels"]),
+    ([*PRESS, "--taxels", "0x3"], ["must be rows x columns"]),
+    ([*PRESS, "--taxels", "1x3", "--pitch", "-1"], ["must be above 0"]),
+    (["press", "TI", "--x", "0.032", "--depth", "0.002"],
+     ["less than a thousandth of the finger's 10 mm", "--x 32 --depth 2"]),
+])  # fmt: skip
 def test_wrong_arguments(palpate, arguments: list[str], named: list[str]) -> None:
-    outcome = palpate(*arguments)
-    assert outcome.status == 2
+    outcome = palpate(*arguments, status=2)
     assert "Traceback" not in outcome.err
     for word in named:
         assert word in outcome.err
@@ -170,7 +156,6 @@ def test_can_i_see_refuses_a_driver_that_is_none(palpate, tmp_path: Path) -> Non
 
 
 def test_json_tells_errors_too(palpate) -> None:
-    """A program that reads standard output gets one object also when the input is bad."""
     outcome = palpate("scan", "--scene", "TIXX", "--json")
     assert outcome.status == outcome.json["status"] == 2
     assert "TIXX" in outcome.json["error"]
@@ -210,8 +195,7 @@ def test_where_nothing_may_be_written_the_file_is_named_as_it_was_given(
     else:
         table.write_text("time_s,force_n\n" + "".join(f"{n / 100},1\n" for n in range(50)))
         monkeypatch.setattr("probe.storage.disk.hold", denied)
-        said = palpate("import", table, "--out", made, "--face-mm2", "100")
-    assert said.status == 2
+        said = palpate("import", table, "--out", made, "--face-mm2", "100", status=2)
     assert f"{made}: permission denied; name a place that you may write to\n" in said.err
     assert "Errno" not in said.err
 
@@ -236,8 +220,7 @@ def test_who_may_not_write_to_their_home_reads_nothing_of_matplotlib(tmp_path: P
     own = {**os.environ, "HOME": str(home)}
     for key in ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         own.pop(key, None)
-    words = [sys.executable, "-m", "probe.cli", "scan", "--scene", "TI", "--dry-run"]
-    ran = subprocess.run([*words, "--out", str(tmp_path)], env=own, capture_output=True, text=True)
+    ran = ended("scan", "--scene", "TI", "--dry-run", "--out", tmp_path, env=own)
     assert (tmp_path / "path.png").exists(), ran.stderr
     assert "atplotlib" not in ran.stderr
 
@@ -264,21 +247,17 @@ def test_what_is_no_rig_and_what_takes_no_files_is_named(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("scan", "--operator", "bad\udcff"),
-        ("scan", "--specimen", "bad\udcff", "--dry-run"),
-        ("scan", "--note", "bed=bad\udcff"),
-        ("calibrate", "force", "gone.csv", "--device", "bad\udcff"),
-        ("calibrate", "force", "gone.csv", "--note", "bad\udcff"),
-        ("record", "gone.toml", "--device", "bad\udcff"),
-    ],
-)
+@pytest.mark.parametrize("words", [
+    ("scan", "--operator", "bad\udcff"),
+    ("scan", "--specimen", "bad\udcff", "--dry-run"),
+    ("scan", "--note", "bed=bad\udcff"),
+    ("calibrate", "force", "gone.csv", "--device", "bad\udcff"),
+    ("calibrate", "force", "gone.csv", "--note", "bad\udcff"),
+    ("record", "gone.toml", "--device", "bad\udcff"),
+])  # fmt: skip
 def test_text_that_no_file_can_hold_is_refused_before_anything_opens(
     words: tuple[str, ...], palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Bytes that are not UTF-8, as Python hands them on."""
     monkeypatch.chdir(tmp_path)
     said = palpate(*words)
     (option,) = (word for word in words if word.startswith("--") and word != "--dry-run")
@@ -298,11 +277,10 @@ def test_a_scene_whose_name_no_run_can_hold_is_refused_by_the_dry_run_too(
     assert not (tmp_path / "runs").exists()
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("scan", "--dry-run", "--out"), ("scan", "--out"), ("scan",), ("scan", "--scene"), ("--log",),
-     ("resume",), ("runs",), ("import",), ("init", "rig"), ("scenes",)],
-)  # fmt: skip
+@pytest.mark.parametrize("words", [
+    ("scan", "--dry-run", "--out"), ("scan", "--out"), ("scan",), ("scan", "--scene"), ("--log",),
+    ("resume",), ("runs",), ("import",), ("init", "rig"), ("scenes",),
+])  # fmt: skip
 def test_a_path_that_is_too_long_is_refused_in_a_line(
     words: tuple[str, ...], palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,8 +13,7 @@ pytestmark = pytest.mark.usefixtures("springs")
 
 
 def test_doctor(palpate) -> None:
-    outcome = palpate("doctor", "rigs/virtual.toml", "--json")
-    assert outcome.status == 0, outcome.err
+    outcome = palpate("doctor", "rigs/virtual.toml", "--json", status=0)
     force = outcome.json["noise"][0]
     assert force["unit"] == "N"
     assert force["std"] == pytest.approx(0.5e-3, rel=0.1)
@@ -27,22 +26,19 @@ def test_doctor_says_of_a_locked_board_what_to_do(palpate, tmp_path: Path, winkl
     rig = tmp_path / "rig.toml"
     with grbl.emulate(world, at=str(tmp_path / "board")) as board:
         rig.write_text(f'[stage]\ndriver = "grbl"\nport = "{board.address}"\n')
-        outcome = palpate("doctor", rig, "--scene", "TIHA", "--json")
-    assert outcome.status == 3
+        outcome = palpate("doctor", rig, "--scene", "TIHA", "--json", status=3)
     (board_said,) = (one for one in outcome.json["checks"] if one["name"] == "grbl")
     assert board_said["level"] == "fault"
     assert "home = true" in board_said["text"]
 
 
 def test_doctor_asks_devices_although_the_plan_cannot_be(palpate, tmp_path: Path) -> None:
-    """It said of no device that it is absent until the plan's speed was right."""
     rig = tmp_path / "rig.toml"
     rig.write_text(
         '[stage]\ndriver = "grbl"\nport = "/dev/ttyNone"\n[safety]\nhardest_n_mm = 1000.0\n'
         '[[sensor]]\ndriver = "ft300"\nport = "/dev/ttyNone"\nname = "ft"\n'
     )
-    outcome = palpate("doctor", rig, "--scene", "TIHA", "--json")
-    assert outcome.status == 3
+    outcome = palpate("doctor", rig, "--scene", "TIHA", "--json", status=3)
     said = {one["name"]: one["text"] for one in outcome.json["checks"]}
     assert "mm/s is allowed" in said["devices together"]
     assert any("no such port" in text for text in said.values())

@@ -4,10 +4,11 @@ import os
 import signal
 import socket
 import subprocess
-import sys
-import time
 from itertools import takewhile
 from pathlib import Path
+
+from programs import begun, ended
+from waiting import until
 
 from drivers import WallClock
 from sim_backend.emulators import ft300
@@ -15,20 +16,12 @@ from sim_backend.emulators.solving import AFTER_OTHERS
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.scene.scene_file import load_scene
 
+FT300 = ("emulate", "ft300", "--scene", "HAOT")
+
 
 def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
     port = tmp_path / "ft300"
-    command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--scene", "HAOT"]
-    with subprocess.Popen(
-        [*command, "--at", str(port)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        assert process.stderr is not None
+    with begun(*FT300, "--at", port, stdin=subprocess.PIPE) as process:
         served = process.stdout.readline()
         assert str(port) in served
         assert "silence" in served
@@ -46,9 +39,7 @@ def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
 
 def test_an_address_that_is_taken_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        at = f"socket://127.0.0.1:{taken.getsockname()[1]}"
-        command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--at", at]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        done = ended("emulate", "ft300", "--at", f"socket://127.0.0.1:{taken.getsockname()[1]}")
     assert done.returncode == 2
     assert "ft300: its address is taken" in done.stderr
 
@@ -64,23 +55,15 @@ def may_come_first() -> bool:
 
 
 def test_a_controller_comes_first_and_its_solver_last_and_both_end_quietly(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--scene", "HAOT"]
-    process = subprocess.Popen(
-        [*command, "--at", str(tmp_path / "ft300")],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = begun(*FT300, "--at", tmp_path / "ft300", stdin=subprocess.PIPE)
     try:
-        assert process.stdout is not None
         process.stdout.readline()
         tasks = Path(f"/proc/{process.pid}/task").glob("*/children")
         (solver,) = [int(pid) for task in tasks for pid in task.read_text().split()]
         if may_come_first():
             assert os.sched_getscheduler(process.pid) == os.SCHED_RR
         assert os.sched_getscheduler(solver) == os.SCHED_OTHER
-        end_s = time.monotonic() + 60
-        while os.getpriority(os.PRIO_PROCESS, solver) != AFTER_OTHERS:  # once it has begun
-            assert time.monotonic() < end_s
-            time.sleep(0.02)
+        until(lambda: os.getpriority(os.PRIO_PROCESS, solver) == AFTER_OTHERS, 60.0)
         for pid in (solver, process.pid):  # Ctrl-C reaches both
             os.kill(pid, signal.SIGINT)
         _, err = process.communicate(timeout=20)

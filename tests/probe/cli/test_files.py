@@ -3,8 +3,6 @@
 import json
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 from paths import ROOT
+from programs import python
 
 from probe.cli.files import schema_text
 from probe.config.json_schema import rig_schema, scene_schema
@@ -47,7 +46,6 @@ def complaints(schema: dict[str, Any], text: str) -> list[str]:
 def test_every_shipped_file_names_a_schema_and_keeps_it(file: Path) -> None:
     text = file.read_text(encoding="utf-8")
     found = re.match(r"#:schema (\S+)\n", text)
-    assert found is not None
     schema = json.loads((file.parent / found[1]).read_text(encoding="utf-8"))
     assert complaints(schema, text) == []
 
@@ -87,16 +85,13 @@ def test_a_scene_with_a_typing_error_is_marked(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["rig", "scene"])
 def test_what_init_writes_passes_a_dry_run(kind: str, palpate: Any, tmp_path: Path) -> None:
     folder = tmp_path / "new"
-    made = palpate("init", kind, folder)
-    assert made.status == 0, made.err
+    made = palpate("init", kind, folder, status=0)
     assert str(folder / f"{kind}.toml") in made.out
     text = (folder / f"{kind}.toml").read_text(encoding="utf-8")
     assert complaints(json.loads((folder / f"{kind}.schema.json").read_text()), text) == []
     which = [folder / "rig.toml"] if kind == "rig" else ["--scene", folder / "scene.toml"]
-    checked = palpate("scan", *which, "--dry-run", "--out", tmp_path)
-    assert checked.status == 0, checked.out + checked.err
-    again = palpate("init", kind, folder)
-    assert again.status == 2
+    palpate("scan", *which, "--dry-run", "--out", tmp_path, status=0)
+    again = palpate("init", kind, folder, status=2)
     assert "exists" in again.err
 
 
@@ -122,12 +117,10 @@ def test_the_driver_that_init_writes_keeps_the_contract(palpate: Any, tmp_path: 
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
     lines = [f"[{g}]\n" + "".join(f"{n} = {p}\n" for n, p in e.items()) for g, e in groups.items()]
     (info / "entry_points.txt").write_text("\n".join(lines))
-    ran = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",
-         "--palpate-driver=my_gauge", "--palpate-bench=my_bench:bench"],
-        cwd=package,
-        env=os.environ | {"PYTHONPATH": f"{package}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
-        capture_output=True, text=True, timeout=100, check=False,
+    path = f"{package}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    ran = python(
+        "-m", "pytest", "-q", "-p", "no:cacheprovider", "--palpate-driver=my_gauge",
+        "--palpate-bench=my_bench:bench", cwd=package, env=os.environ | {"PYTHONPATH": path},
+        status=0,
     )  # fmt: skip
-    assert ran.returncode == 0, ran.stdout
     assert re.search(r"[5-9] passed", ran.stdout), ran.stdout

@@ -18,7 +18,7 @@ from probe.config.load_rig import load_rig
 
 def test_every_command_stands_in_one_section() -> None:
     listed = [name for each in SECTIONS.values() for name in each]
-    assert sorted(listed) == sorted(typer.main.get_command(build()).commands)  # type: ignore[attr-defined]
+    assert sorted(listed) == sorted(typer.main.get_command(build()).commands)
 
 
 def test_help_is_grouped(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,14 +4,13 @@ import gzip
 import json
 import os
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from paths import ROOT
+from programs import python
 
 from probe.core.events import Finish, RunEnded, RunStarted, StationStarted
 from probe.storage.reader import reading, rows
@@ -143,13 +142,7 @@ sys.exit(status)
 def judged(arguments: list[str | Path], out: Path) -> tuple[int, str, float, float]:
     """Exit status, what was said, peak memory [MB] and processor time [s] of one command."""
     used = out / "used"
-    done = subprocess.run(
-        [sys.executable, "-c", COMMAND, used, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        cwd=ROOT,
-    )
+    done = python("-c", COMMAND, used, *arguments, cwd=ROOT)
     peak_kb, cpu_s = map(float, used.read_text().split())
     return done.returncode, done.stdout + done.stderr, peak_kb / 1024, cpu_s
 
@@ -188,8 +181,7 @@ def test_is_refused_soon_and_in_little_memory(
 def test_a_scene_name_leaves_no_folder(name: str, tmp_path: Path, palpate: Callable) -> None:
     (tmp_path / "evil.toml").write_text(SCENE.format(name=name))
     (tmp_path / "rig.toml").write_text(RIG.format(scene="evil.toml"))
-    done = palpate("scan", tmp_path / "rig.toml", "--out", tmp_path / "runs")
-    assert done.status == 2
+    done = palpate("scan", tmp_path / "rig.toml", "--out", tmp_path / "runs", status=2)
     assert "name = " in done.err
     assert "slashes" in done.err
     assert sorted(p.name for p in tmp_path.iterdir()) == ["evil.toml", "rig.toml"]

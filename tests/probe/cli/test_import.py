@@ -35,7 +35,6 @@ face_mm2 = 50
 
 @pytest.mark.parametrize("how", ["options", "file", "both"])
 def test_options_and_a_file_of_them_say_the_same(how: str, folder: Path, palpate: Palpate) -> None:
-    """An option goes before the file."""
     (folder / "lab.toml").write_text(KEPT + ("tare_s = 0.2\n" if how == "both" else ""))
     options = {
         "options": [
@@ -45,8 +44,7 @@ def test_options_and_a_file_of_them_say_the_same(how: str, folder: Path, palpate
         "file": ["--map", folder / "lab.toml"],
         "both": ["--map", folder / "lab.toml", "--face-mm2", "25"],
     }[how]  # fmt: skip
-    made = palpate("import", folder / "first.txt", "--out", folder / "a.run", *options)
-    assert made.status == 0, made.err
+    palpate("import", folder / "first.txt", "--out", folder / "a.run", *options, status=0)
     run = open_run(folder / "a.run")
     force_n = 0.0 if how == "both" else 9.80665
     assert run.samples()["force"].to_numpy() == pytest.approx(force_n)
@@ -56,12 +54,10 @@ def test_options_and_a_file_of_them_say_the_same(how: str, folder: Path, palpate
 
 
 def test_of_several_files_each_becomes_a_run(folder: Path, palpate: Palpate) -> None:
-    """One that cannot be read keeps no other from it."""
     (folder / "lab.toml").write_text(KEPT)
     (folder / "third.txt").write_text("nothing")
     keys = ["--out", folder / "runs", "--map", folder / "lab.toml", "--json"]
-    made = palpate("import", folder / "*.txt", *keys)
-    assert made.status == 2
+    made = palpate("import", folder / "*.txt", *keys, status=2)
     listed = json.loads(made.out)["runs"]
     assert [Path(one["run"]).name for one in listed] == ["first.run", "second.run", "third.txt"]
     assert "no table of numbers" in listed[2]["error"]
@@ -69,37 +65,25 @@ def test_of_several_files_each_becomes_a_run(folder: Path, palpate: Palpate) -> 
 
 
 def test_a_folder_takes_a_single_run_too(folder: Path, palpate: Palpate) -> None:
-    """A pattern may match one file today and two tomorrow."""
     (folder / "lab.toml").write_text(KEPT)
     keys = ["--out", folder, "--map", folder / "lab.toml"]
     assert palpate("import", folder / "f*.txt", *keys).status == 0
     assert open_run(folder / "first.run").recording().stations
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["*.txt", "--out", "a.run"], "of 2 files the runs go to a folder"),
-        (
-            ["first.txt", "--out", "a.run", "--layout", "4-7"],
-            "--layout 4-7: must be rows x columns",
-        ),
-        (["first.txt", "--out", "a.run", "--map", "none.toml"], "none.toml: NAME=COLUMN or a TOML"),
-        (["first.txt", "--out", "a.run", "--map", "bad.toml"], "rate_hz = 'x': a number is wanted"),
-        (["first.txt", "--out", "a.run", "--map", "list.toml"], r"force_n = \['a'\]: text"),
-        (["first.txt", "--out", "a.run", "--scene", "NONE"], "NONE"),
-    ],
-)
+@pytest.mark.parametrize("arguments, said", [
+    (["*.txt", "--out", "a.run"], "of 2 files the runs go to a folder"),
+    (["first.txt", "--out", "a.run", "--layout", "4-7"], "--layout 4-7: must be rows x columns"),
+    (["first.txt", "--out", "a.run", "--map", "none.toml"], "none.toml: NAME=COLUMN or a TOML"),
+    (["first.txt", "--out", "a.run", "--map", "bad.toml"], "rate_hz = 'x': a number is wanted"),
+    (["first.txt", "--out", "a.run", "--map", "list.toml"], r"force_n = \['a'\]: text"),
+    (["first.txt", "--out", "a.run", "--scene", "NONE"], "NONE"),
+])  # fmt: skip
 def test_what_is_asked_wrongly_is_refused(
-    arguments: list[str],
-    said: str,
-    folder: Path,
-    palpate: Palpate,
-    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], said: str, folder: Path, palpate: Palpate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (folder / "bad.toml").write_text('rate_hz = "x"')
     (folder / "list.toml").write_text('force_n = ["a"]')
     monkeypatch.chdir(folder)
-    made = palpate("import", *arguments)
-    assert made.status == 2
+    made = palpate("import", *arguments, status=2)
     assert pd.Series(" ".join(made.err.split())).str.contains(said).all(), made.err

@@ -74,16 +74,14 @@ def test_scan_says_the_same_as_detect(palpate, tmp_path: Path) -> None:
     assert outcome.out.count("\n") == 1
     assert "station 15 of 15" in outcome.err
     assert "left" in outcome.err
-    detected = palpate("detect", scanned["run"], "--json")
-    assert detected.status == 0
+    detected = palpate("detect", scanned["run"], "--json", status=0)
     assert {**scanned, "seconds": 0} == {**detected.json, "seconds": 0}
     assert (scanned["finish"], bool(scanned["simulated"])) == ("completed", True)
     assert [one["x_mm"] for one in scanned["stations"]] == pytest.approx(range(4, 61, 4))
 
 
 def test_a_person_is_shown_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
-    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path / "my runs")
-    assert outcome.status == 0
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path / "my runs", status=0)
     assert "Finding: " in outcome.out
     assert "SIMULATED" in outcome.out
     (run,) = tmp_path.glob("*/*.run")
@@ -112,8 +110,7 @@ def test_lone_arteries_are_one_station(palpate, tmp_path: Path) -> None:
         scan_form(reported)
         assert len(reported["stations"]) == 1
         runs.append(reported["run"])
-    compared = palpate("compare", *runs, "--json")
-    assert compared.status == 0
+    compared = palpate("compare", *runs, "--json", status=0)
     assert {"diseased", "peak_ratio", "pulse_ratio", "confidence"} <= compared.json.keys()
     assert compared.json["diseased"] in ("A", "B", "neither", "undecided")
     assert "force.force" in compared.json["simulated"]
@@ -137,8 +134,7 @@ def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.Mon
         move(self, *arguments)
 
     monkeypatch.setattr(VirtualStage, "move", jam)
-    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json")
-    assert outcome.status == 3
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json", status=3)
     assert outcome.json["finish"] == "faulted"
     assert "the motor is jammed" in outcome.err
     run = Path(outcome.json["run"])
@@ -161,38 +157,29 @@ def test_the_answer_needs_no_further_descriptor(
     assert json.loads(capfd.readouterr().out) == {"status": 2}
 
 
-def test_how_a_scan_ended_is_said_though_its_file_cannot_be_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ended = RunEnded(1.0, Finish.FAULTED, "the motor is jammed")
-    with pytest.raises(RunFileError, match="no such run file"):
-        print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
-    assert "A fault ended the scan: the motor is jammed" in capsys.readouterr().err
-
-
 def test_a_fault_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """When it happens, with its device; at the end what was kept and how to go on."""
     log_to(None, verbose=False)
-    log_event(Note(1.0, "fault", "store", "the disk is full"))
     ended = RunEnded(1.0, Finish.FAULTED, "the disk is full")
-    with pytest.raises(RunFileError, match="no such run file"):
-        print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
-    err = capsys.readouterr().err
-    assert err.count("the disk is full") == 1
-    assert "This fault ended the scan. What was read cannot be read now: " in err
+    for said_before in (False, True):
+        if said_before:  # when it happened
+            log_event(Note(1.0, "fault", "store", ended.reason))
+        gone = ScanResult(tmp_path / "gone.run", ended, ())
+        with pytest.raises(RunFileError, match="no such run file"):
+            print_result(gone, 0.0, report=False, as_json=False)
+        err = capsys.readouterr().err
+        assert err.count(ended.reason) == 1
+        assert ("A fault ended the scan: the disk is full" in err) != said_before
+        words = "This fault ended the scan. What was read cannot be read now: "
+        assert (words in err) == said_before
 
 
-@pytest.mark.parametrize(
-    ("ends", "says"),
-    [
-        ([RunEnded(1.0, Finish.FAULTED, "the motor is jammed")],
-         "a fault ended it: the motor is jammed"),
-        ([RunEnded(1.0, Finish.ABORTED, "stopped by the user")],
-         "it was stopped: stopped by the user"),
-        ([], "it was broken off in the first press, or is still in it"),
-        ([RunEnded(1.0, Finish.COMPLETED, "every station is complete")], ""),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("ends, says", [
+    ([RunEnded(1.0, Finish.FAULTED, "the motor is jammed")],
+     "a fault ended it: the motor is jammed"),
+    ([RunEnded(1.0, Finish.ABORTED, "stopped by the user")], "it was stopped: stopped by the user"),
+    ([], "it was broken off in the first press, or is still in it"),
+    ([RunEnded(1.0, Finish.COMPLETED, "every station is complete")], ""),
+])  # fmt: skip
 def test_detect_says_why_a_run_has_no_station(
     palpate, tmp_path: Path, ends: list[RunEnded], says: str
 ) -> None:
@@ -229,8 +216,7 @@ def test_what_cannot_be_solved(
 
 def test_press(palpate) -> None:
     command = ("press", "TI", "--x", "32", "--depth", "1", "--accuracy", "5")
-    outcome = palpate(*command, "--pressure", "80", "--pressure", "120", "--json")
-    assert outcome.status == 0, outcome.err
+    outcome = palpate(*command, "--pressure", "80", "--pressure", "120", "--json", status=0)
     reported = outcome.json
     assert {"scene", "x_mm", "depth_mm", "model", "dofs", "seconds"} <= reported.keys()
     assert reported["error_estimate_pct"] <= 5
@@ -269,8 +255,7 @@ def test_a_press_at_one_pressure_has_no_pulse_to_say(palpate) -> None:
 
 
 def test_dry_run_moves_nothing(palpate, tmp_path: Path) -> None:
-    outcome = palpate("scan", "--scene", "TIHA", "--dry-run", "--out", tmp_path, "--json")
-    assert outcome.status == 0
+    outcome = palpate("scan", "--scene", "TIHA", "--dry-run", "--out", tmp_path, "--json", status=0)
     assert outcome.json["can_scan"] is True
     assert outcome.json["seconds"] > 30
     assert Path(outcome.json["path_picture"]).stat().st_size > 1000
@@ -278,11 +263,9 @@ def test_dry_run_moves_nothing(palpate, tmp_path: Path) -> None:
 
 
 def test_verify_and_replay(palpate, run_file: Path) -> None:
-    checked = palpate("verify", run_file, "--json")
-    assert checked.status == 0
+    checked = palpate("verify", run_file, "--json", status=0)
     assert checked.json["stations_complete"] == 15
-    replayed = palpate("replay", run_file)
-    assert replayed.status == 0
+    replayed = palpate("replay", run_file, status=0)
     assert "station 15 complete" in replayed.out
     assert "run completed" in replayed.out
 
@@ -290,14 +273,12 @@ def test_verify_and_replay(palpate, run_file: Path) -> None:
 def test_verify_refuses_a_damaged_file(palpate, run_file: Path) -> None:
     with opened(run_file) as connection:
         connection.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 20")
-    outcome = palpate("verify", run_file, "--json")
-    assert outcome.status == 2
+    outcome = palpate("verify", run_file, "--json", status=2)
     assert outcome.json["problems"]
 
 
 def test_resume_of_a_whole_run_is_refused(palpate, run_file: Path) -> None:
-    outcome = palpate("resume", run_file)
-    assert outcome.status == 2
+    outcome = palpate("resume", run_file, status=2)
     assert "all 15 stations are complete" in outcome.err
 
 
@@ -310,7 +291,6 @@ def test_numbers_that_json_does_not_know_become_null() -> None:
 
 
 def test_libraries_that_print_do_not_spoil_json(capfd: pytest.CaptureFixture[str]) -> None:
-    """Robots' clients in C++ write to file descriptor 1 themselves."""
     with say.only_json():
         os.write(1, b"RTDE: connected\n")
         print("from Python")

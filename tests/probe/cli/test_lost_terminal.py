@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from programs import ended
 from rig_files import rig_file
 
 from probe.cli import command_line, main
@@ -75,7 +76,6 @@ def test_a_count_that_cannot_be_drawn_ends_no_work(
 
 @pytest.mark.usefixtures("rig")
 def test_a_scan_whose_streams_are_closed_ends_whole(tmp_path: Path) -> None:
-    """As a daemon may start it; no file may take the place of a standard stream."""
     command = f"{shlex.quote(sys.executable)} -m probe.cli scan rig.toml --out . <&- >&- 2>&-"
     assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
     (run,) = tmp_path.glob("*.run")
@@ -100,32 +100,25 @@ def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: P
 def test_words_that_cannot_be_written_change_no_status(
     tmp_path: Path, what: str, status: int
 ) -> None:
-    """Python ended with 120, and a whole scan counted as failed."""
     buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-    command = [sys.executable, "-m", "probe.cli", *what.split()]
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, cwd=tmp_path, env=buffered, stderr=full, check=False)
-    assert done.returncode == status
+        how = {"capture_output": False, "cwd": tmp_path, "env": buffered, "stderr": full}
+        assert ended(*what.split(), **how).returncode == status
 
 
 @pytest.mark.usefixtures("rig")
 def test_a_terminal_that_lacks_a_character_gets_the_answer(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", "."]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=os.environ | {"PYTHONIOENCODING": "ascii"},
-        capture_output=True, check=False,
-    )  # fmt: skip
-    assert (done.returncode, b"? 95 %" in done.stdout) == (0, True), done.stderr
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = ended("scan", "rig.toml", "--out", ".", cwd=tmp_path, env=ascii_only)
+    assert (done.returncode, "? 95 %" in done.stdout) == (0, True), done.stderr
 
 
 @pytest.mark.parametrize("more", [[], ["--json"]])
 def test_an_answer_that_cannot_be_written_is_said(more: list[str]) -> None:
+    buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
     with Path("/dev/full").open("w") as full:
-        command = [sys.executable, "-m", "probe.cli", "scenes", *more]
-        buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-        done = subprocess.run(
-            command, env=buffered, stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+        how = {"capture_output": False, "stdout": full, "stderr": subprocess.PIPE}
+        done = ended("scenes", *more, env=buffered, **how)
     assert done.returncode == 2
     assert done.stderr == (
         "output could not be written: no space left on device; make room there, or name another "
@@ -137,15 +130,13 @@ def unread(folder: Path, *words: str | Path) -> int:
     """The status of a command whose answer nobody reads, as of one before `| head -0`."""
     ours, theirs = os.pipe()
     os.close(ours)
-    command = [sys.executable, "-m", "probe.cli", *map(str, words)]
-    done = subprocess.run(command, cwd=folder, stdout=theirs, timeout=60, check=False)
+    done = ended(*words, capture_output=False, cwd=folder, stdout=theirs)
     os.close(theirs)
     return done.returncode
 
 
 @pytest.mark.usefixtures("rig")
 def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
-    """`palpate replay RUN | head -1` ended with 1, and a faulted scan's status was lost."""
     weak = "[safety]\nmax_force_n = 0.5\nhardest_n_mm = 1.0\n"
     (tmp_path / "weak.toml").write_text((tmp_path / "rig.toml").read_text() + weak)
     assert unread(tmp_path, "scan", "rig.toml", "--out", ".") == 0
@@ -160,10 +151,9 @@ def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
     assert unread(tmp_path, "scan", "--help") == 0
 
 
-@pytest.mark.parametrize(
-    ("error", "status"),
-    [(BrokenPipeError(errno.EPIPE, "a device's"), 1), (SystemExit(3), 3), (SystemExit("why"), 1)],
-)
+@pytest.mark.parametrize("error, status", [
+    (BrokenPipeError(errno.EPIPE, "a device's"), 1), (SystemExit(3), 3), (SystemExit("why"), 1),
+])  # fmt: skip
 def test_what_another_part_ends_is_not_done(
     error: BaseException, status: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

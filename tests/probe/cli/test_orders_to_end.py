@@ -4,17 +4,16 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
 import typer
+from programs import PALPATE, begun
 
 from probe.cli import say
 
-PALPATE = (sys.executable, "-m", "probe.cli")
 PRESS = ["press", "TIHA", "--x", "32", "--depth", "1", "--json"]
 
 
@@ -27,17 +26,14 @@ def orders_heard() -> Iterator[None]:
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize(
-    ("slow", "command", "order"),
-    [
-        ("typer", ["--help"], signal.SIGINT),
-        ("pydantic", PRESS, signal.SIGINT),  # by typer, while it reads the options
-        ("scipy", PRESS, signal.SIGINT),
-        ("scipy", PRESS, signal.SIGTERM),
-        ("scipy", PRESS, signal.SIGHUP),
-        ("scipy", PRESS, signal.SIGQUIT),
-    ],
-)
+@pytest.mark.parametrize("slow, command, order", [
+    ("typer", ["--help"], signal.SIGINT),
+    ("pydantic", PRESS, signal.SIGINT),  # by typer, while it reads the options
+    ("scipy", PRESS, signal.SIGINT),
+    ("scipy", PRESS, signal.SIGTERM),
+    ("scipy", PRESS, signal.SIGHUP),
+    ("scipy", PRESS, signal.SIGQUIT),
+])  # fmt: skip
 def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
     tmp_path: Path, slow: str, command: list[str], order: signal.Signals
 ) -> None:
@@ -45,11 +41,7 @@ def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
     (tmp_path / f"{slow}.py").write_text(
         "import sys, time\nprint('loading', file=sys.stderr, flush=True)\ntime.sleep(30)\n"
     )
-    with subprocess.Popen(
-        [*PALPATE, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    ) as process:  # fmt: skip
-        assert process.stderr is not None
+    with begun(*command, env={**os.environ, "PYTHONPATH": str(tmp_path)}) as process:
         assert process.stderr.readline() == "loading\n"
         process.send_signal(order)
         out, err = process.communicate(timeout=30)
@@ -72,7 +64,6 @@ def test_a_hangup_that_nohup_had_ignored_ends_no_command(tmp_path: Path) -> None
 def test_an_order_to_end_while_an_end_is_reported_costs_no_answer(
     palpate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As of somebody who types Ctrl-C again and again."""
     monkeypatch.setattr(say, "inform", lambda _text: os.kill(os.getpid(), signal.SIGINT))
     ended = palpate("detect", "nowhere.run", "--json")
     assert (ended.status, json.loads(ended.out)["status"]) == (2, 2)

@@ -4,23 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rig_files import rig_file
 
 MODULE = """
 from drivers import Channel
 from drivers.core.reader import LineSensor
 
 number = 3
-"""
-RIG = """
-face_mm2 = 100.0
-[stage]
-driver = "virtual"
-[[sensor]]
-driver = "{driver}"
-[scan]
-stations = 1
-[scene]
-name = "TI"
 """
 
 
@@ -37,8 +27,9 @@ def installed(folder: Path, monkeypatch: pytest.MonkeyPatch, points: str, **modu
 
 def rig_with(driver: str, folder: Path) -> Path:
     """A rig file whose only sensor is of this driver, over a virtual stage."""
-    file = folder / "rig.toml"
-    file.write_text(RIG.format(driver=driver))
+    file = rig_file(folder, stations=1)
+    stage, sensor = file.read_text().split("[[sensor]]")
+    file.write_text(f"face_mm2 = 100.0\n{stage}[[sensor]]{sensor.replace('virtual', driver)}")
     return file
 
 
@@ -59,16 +50,14 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("broken")
 def test_broken_plug_ins_are_named_and_all_else_works(palpate: Any) -> None:
-    found = palpate("doctor", "--json")
-    assert found.status == 0, found.err
+    found = palpate("doctor", "--json", status=0)
     checks = {c["name"]: (c["level"], c["text"]) for c in found.json["checks"]}
     for name, (_, why) in BROKEN.items():
         level, text = checks[f"sensors: {name}"]
         assert level == "warning"
         assert why in text
     assert checks["sensors: ft300"][0] == "ok"
-    schema = palpate("schema", "rig")
-    assert schema.status == 0, schema.err
+    schema = palpate("schema", "rig", status=0)
     assert "sensor_ft300" in schema.json["$defs"]
 
 
@@ -78,8 +67,7 @@ def test_broken_plug_ins_are_named_and_all_else_works(palpate: Any) -> None:
 def test_a_rig_that_names_a_broken_plug_in_is_refused(
     palpate: Any, tmp_path: Path, driver: str, how: tuple[str, ...]
 ) -> None:
-    ran = palpate("scan", rig_with(driver, tmp_path), "--out", tmp_path / "runs", *how)
-    assert ran.status == 2
+    ran = palpate("scan", rig_with(driver, tmp_path), "--out", tmp_path / "runs", *how, status=2)
     assert BROKEN[driver][1] in ran.out + ran.err
     assert "sensor[0]" in ran.out + ran.err
 
@@ -121,7 +109,6 @@ def mistaken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("mistaken")
 @pytest.mark.parametrize("driver", MISTAKES)
 def test_a_drivers_mistake_is_its_devices_fault(palpate: Any, tmp_path: Path, driver: str) -> None:
-    """As one that it makes when it is read."""
     rig = rig_with(driver, tmp_path)
     for command in (("watch", rig, "--seconds", "1"), ("scan", rig, "--out", tmp_path / "runs")):
         ran = palpate(*command)

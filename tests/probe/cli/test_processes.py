@@ -1,9 +1,9 @@
-"""Whole processes: Ctrl-C, kill -9 and resume, the finite elements behind the phantom included."""
+"""Whole processes, and how many: Ctrl-C, kill -9 and resume, finite elements included."""
 
 import json
+import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,9 +11,11 @@ from pathlib import Path
 
 import pytest
 from databases import opened
+from programs import begun, ended
 from rig_files import rig_file
 
-PALPATE = (sys.executable, "-m", "probe.cli")
+from probe.cli import main
+from probe.cli.command_line import ONE_THREAD
 
 
 @pytest.fixture
@@ -24,12 +26,8 @@ def rig(tmp_path: Path) -> Path:
 @contextmanager
 def scanning(rig: Path, until: str) -> Iterator[subprocess.Popen[str]]:
     """A scan in real time, as far as a line with ``until`` on its standard error."""
-    command = [*PALPATE, "scan", str(rig), "--out", str(rig.parent), "--real-time", "--json"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with begun("scan", rig, "--out", rig.parent, "--real-time", "--json") as process:
         try:
-            assert process.stderr is not None
             for line in process.stderr:
                 if until in line:
                     break
@@ -64,10 +62,7 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
         query = "SELECT times, readings FROM event WHERE station = 0 AND kind = 'samples'"
         before = connection.execute(query).fetchall()
         assert len(before) > 20
-    resumed = subprocess.run(
-        [*PALPATE, "resume", str(run), "--json"], capture_output=True, text=True, check=False
-    )
-    assert resumed.returncode == 0, resumed.stderr
+    resumed = ended("resume", run, "--json", status=0)
     reported = json.loads(resumed.stdout)
     assert reported["finish"] == "completed"
     assert [one["x_mm"] for one in reported["stations"]] == pytest.approx([28, 32, 36])
@@ -76,11 +71,7 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
 
 
 def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
-    command = [*PALPATE, "watch", str(rig)]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
+    with begun("watch", rig) as process:
         head, first = process.stdout.readline(), process.stdout.readline()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
@@ -91,3 +82,13 @@ def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
     assert "SIMULATED" in first
     assert process.returncode == 0, err
     assert err == ""
+
+
+@pytest.mark.parametrize(("own", "then"), [(None, "1"), ("4", "4")])
+def test_one_thread_unless_set(own: str | None, then: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ONE_THREAD:
+        monkeypatch.setenv(name, own or "")
+        if own is None:
+            monkeypatch.delenv(name)
+    assert main(["--version"]) == 0
+    assert [os.environ[name] for name in ONE_THREAD] == [then, then]

@@ -1,13 +1,25 @@
-"""What a command says while it takes long."""
+"""What a command says while it takes long, in its log, and of its run at the end."""
 
 import io
+import logging
+import os
 import sys
 import time
+from pathlib import Path
 
 import pytest
+from databases import opened
+from programs import python
+from rig_files import rig_file
+from small_runs import written
+from waiting import until
 
 from palpate import press
+from probe.cli import main
 from probe.cli.progress import counting, solving
+from probe.cli.scan import what_is_left
+from probe.core.events import Finish, Note, Phase, PhaseEntered, RunEnded
+from probe.core.log import log_event
 
 
 def test_who_waits_sees_what_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,10 +30,7 @@ def test_who_waits_sees_what_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
         show("the first mesh")
         show("the second mesh")
         assert not said.getvalue()
-        end_s = time.monotonic() + 10
-        while not said.getvalue().endswith("\n"):
-            assert time.monotonic() < end_s
-            time.sleep(0.01)
+        until(lambda: said.getvalue().endswith("\n"), 10.0)
         show("the third mesh")
     assert said.getvalue() == "solving the second mesh\nsolving the third mesh\n"
 
@@ -50,7 +59,6 @@ def test_a_long_press_says_so_on_standard_error(palpate, monkeypatch: pytest.Mon
 def test_a_log_has_lines_of_progress(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only a terminal had any: an hour's sweep into a file said nothing."""
     now_s = 0.0
     monkeypatch.setattr("probe.cli.progress.monotonic", lambda: now_s)
     with counting("points") as progress:
@@ -66,3 +74,49 @@ def test_a_log_has_lines_of_progress(
         now_s += 0.5
         progress(2, 2)
     assert not capsys.readouterr().err
+
+
+def test_notes_and_faults_are_logged_at_their_level(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG, logger="palpate")
+    log_event(Note(1.0, "warning", "ft300", "late"))
+    log_event(Note(1.0, "fault", "ft300", "silent"))
+    log_event(PhaseEntered(1.0, Phase.HOLDING, 0))
+    log_event(RunEnded(2.0, Finish.ABORTED, "aborted by the user"))
+    assert [(r.levelname, r.getMessage()) for r in caplog.records] == [
+        ("WARNING", "ft300: late"),
+        ("ERROR", "ft300: silent"),
+        ("DEBUG", "holding"),
+        ("DEBUG", "run aborted: aborted by the user"),
+    ]
+
+
+def test_importing_says_nothing() -> None:
+    code = "import probe.core.log as l; l.LOGGER.error('x')"
+    done = python("-c", code, status=0)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_a_scan_writes_its_log(
+    verbose: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig, log = rig_file(tmp_path, start_mm=32.0, stations=1), tmp_path / "scan.log"
+    options = ["--verbose"] if verbose else []
+    assert main(["--log", str(log), *options, "scan", str(rig), "--out", str(tmp_path)]) == 0
+    text = log.read_text(encoding="utf-8")
+    assert "DEBUG station 1, attempt 1, at x = 32.00 mm" in text
+    assert "DEBUG run completed" in text
+    reported = capsys.readouterr()
+    assert ("debug: holding" in reported.err) == verbose
+    assert "holding" not in reported.out
+
+
+def test_what_was_read_is_where_it_was_looked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    written(path, 60).close()
+    assert what_is_left(path) == f"What was read is in {path}"
+    with opened(path) as other:
+        other.execute("DELETE FROM event WHERE id > 40")
+    assert f"40 events are left in {path}, which is damaged" in what_is_left(path)
+    os.truncate(path, 0)
+    assert what_is_left(path).startswith("What was read cannot be read now: ")

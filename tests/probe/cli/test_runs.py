@@ -24,9 +24,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
 
 
 def listed(palpate: Any, folder: Path, *options: str) -> list[dict[str, Any]]:
-    outcome = palpate("runs", folder, "--json", *options)
-    assert outcome.status == 0, outcome.err
-    return outcome.json["runs"]  # type: ignore[no-any-return]
+    outcome = palpate("runs", folder, "--json", *options, status=0)
+    return outcome.json["runs"]
 
 
 def test_all_runs_are_listed_and_a_torn_one_says_why(palpate: Any, folder: Path) -> None:
@@ -39,17 +38,14 @@ def test_all_runs_are_listed_and_a_torn_one_says_why(palpate: Any, folder: Path)
     assert found["TIHA"]["finish"] == "completed"
 
 
-@pytest.mark.parametrize(
-    ("options", "scenes"),
-    [
-        (("--operator", "Ann"), ["TIHA"]),
-        (("--note", "gel=yes"), ["TIHA"]),
-        (("--scene", "TI"), ["TI"]),
-        (("--real",), [""]),
-        (("--since", "2999-01-01"), []),
-        (("--simulated", "--sort", "scene"), ["TI", "TIHA"]),
-    ],
-)
+@pytest.mark.parametrize("options, scenes", [
+    (("--operator", "Ann"), ["TIHA"]),
+    (("--note", "gel=yes"), ["TIHA"]),
+    (("--scene", "TI"), ["TI"]),
+    (("--real",), [""]),
+    (("--since", "2999-01-01"), []),
+    (("--simulated", "--sort", "scene"), ["TI", "TIHA"]),
+])  # fmt: skip
 def test_filters(palpate: Any, folder: Path, options: tuple[str, ...], scenes: list[str]) -> None:
     assert [one["scene"] for one in listed(palpate, folder, *options)] == scenes
 
@@ -85,24 +81,19 @@ def test_labels_are_in_the_run(folder: Path) -> None:
     assert open_run(path).config["labels"] == {"operator": "Ann", "gel": "yes"}
 
 
-@pytest.mark.parametrize(
-    ("command", "key"),
-    [
-        (("detect",), "finding"),
-        (("verify",), "ok"),
-        (("export", "--to", "csv"), "files"),
-        (("report",), "report"),
-    ],
-)
+@pytest.mark.parametrize("command, key", [
+    (("detect",), "finding"),
+    (("verify",), "ok"),
+    (("export", "--to", "csv"), "files"),
+    (("report",), "report"),
+])  # fmt: skip
 def test_a_torn_run_stops_no_other(
     palpate: Any, folder: Path, tmp_path: Path, command: tuple[str, ...], key: str
 ) -> None:
-    """As a shell's `runs/*.run` gives them: the torn one is said, the others are answered."""
     runs = sorted(folder.rglob("*.run"), key=lambda run: run.name != "torn.run")
     assert runs[0].name == "torn.run"
     out = ("--out", tmp_path) if command[0] in ("export", "report") else ()
-    outcome = palpate(*command, *runs, *out, "--json")
-    assert outcome.status == 2
+    outcome = palpate(*command, *runs, *out, "--json", status=2)
     reported = outcome.json["reports" if command[0] == "report" else "runs"]
     assert [Path(one["run"]).name for one in reported] == [run.name for run in runs]
     assert [key in one and "error" not in one for one in reported] == [
@@ -110,8 +101,7 @@ def test_a_torn_run_stops_no_other(
         True,
         True,
     ]
-    said = palpate(*command, *runs, *out)
-    assert said.status == 2
+    said = palpate(*command, *runs, *out, status=2)
     assert "torn.run" in said.err + said.out
     assert all(run.stem in said.out for run in runs[1:])
 
@@ -119,7 +109,6 @@ def test_a_torn_run_stops_no_other(
 def test_what_is_no_run_opens_no_window(
     palpate: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its traceback was the first thing in the window."""
     shown: list[Path] = []
     monkeypatch.setattr("probe.cli.runs.need_windows", lambda: None)
     monkeypatch.setattr("probe.gui.app.run_live", lambda path: shown.append(path) or 0)
@@ -147,10 +136,8 @@ def test_what_is_no_run_opens_no_window(
 def test_some_stations_are_scanned_with_another_key_and_one_is_redone(
     palpate: Any, tmp_path: Path
 ) -> None:
-    """``--set``, ``--stations`` and ``--redo`` as a person types them."""
     asked = ("--stations", "2-3,5", "--set", "scan.pitch_mm=3", "--seed", 1)
-    outcome = palpate("scan", "--scene", "TI", "--out", tmp_path, *asked, "--json")
-    assert outcome.status == 0, outcome.err
+    outcome = palpate("scan", "--scene", "TI", "--out", tmp_path, *asked, "--json", status=0)
     assert [(s["station"], s["x_mm"]) for s in outcome.json["stations"]] == [
         (2, 7.0), (3, 10.0), (5, 16.0),
     ]  # fmt: skip

@@ -17,15 +17,13 @@ WAVE = "time_s,pressure_mmhg\n0,70\n0.2,130\n0.5,90\n0.8,70\n"
 def test_a_wave_file_lies_beside_its_scene(
     palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Wherever the command is called from, also by a dry run and by a scan."""
     (tmp_path / "files").mkdir()
     scene = tmp_path / "files" / "mine.toml"
     scene.write_text(SCENE)
     (tmp_path / "files" / "wave.csv").write_text(WAVE)
     monkeypatch.chdir(tmp_path)
     for more in (["--dry-run"], []):
-        outcome = palpate("scan", "--scene", "files/mine.toml", *more, "--out", "runs")
-        assert outcome.status == 0, outcome.err
+        palpate("scan", "--scene", "files/mine.toml", *more, "--out", "runs", status=0)
 
 
 def test_the_wave_of_a_loaded_scene_can_be_read_from_anywhere(tmp_path: Path) -> None:
@@ -40,8 +38,7 @@ def test_the_wave_of_a_loaded_scene_can_be_read_from_anywhere(tmp_path: Path) ->
 
 
 def test_scenes_prints_a_file_to_start_from(palpate, tmp_path: Path) -> None:
-    printed = palpate("scenes", "TISA")
-    assert printed.status == 0
+    printed = palpate("scenes", "TISA", status=0)
     scene = tmp_path / "mine.toml"
     scene.write_text(printed.out)
     assert load_scene(scene) == load_scene("TISA")
@@ -69,7 +66,6 @@ def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
 def test_a_press_replaces_its_own_files_and_no_other(
     palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str, written: str
 ) -> None:
-    """Of several states each has a VTU of its own, with a number."""
     path = tmp_path / written
     press = ("press", "TIHA", "--x", "32", "--depth", "0.5", "--accuracy", "9", option)
     for _ in range(2):
@@ -87,8 +83,7 @@ def test_a_press_replaces_its_own_files_and_no_other(
 def test_an_unknown_key_leads_to_what_is_not_modelled(palpate, tmp_path: Path) -> None:
     file = tmp_path / "layers.toml"
     file.write_text('name = "a"\n[tissue]\nlayers = 2\n')
-    outcome = palpate("press", str(file), "--x", "1", "--depth", "1")
-    assert outcome.status == 2
+    outcome = palpate("press", str(file), "--x", "1", "--depth", "1", status=2)
     page = outcome.err.rsplit("(", 1)[1].split(",")[0]
     root = Path(__file__).parents[3]
     assert "\n## What is not modelled\n" in (root / page).read_text()

@@ -1,19 +1,17 @@
 """The main job on the paper's six scenes, finite elements included: what is found, and where."""
 
 import json
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import ended
 
 from probe.detection import detect
 from probe.storage.csv_import import import_csv
 from probe.storage.export import export
 
-PALPATE = (sys.executable, "-m", "probe.cli")
 pytestmark = pytest.mark.slow
 
 
@@ -25,17 +23,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @cache
 def scanned(scene: str, folder: Path) -> dict[str, Any]:
     """What ``palpate scan --json`` says; scanned once."""
-    command = [*PALPATE, "scan", "--scene", scene, "--seed", "1", "--out", str(folder), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    done = ended("scan", "--scene", scene, "--seed", "1", "--out", folder, "--json", status=0)
     reported: dict[str, Any] = json.loads(done.stdout)
     return reported
 
 
-@pytest.mark.parametrize(
-    ("scene", "finding"),
-    [("TI", "nothing"), ("TIT", "tumour"), ("TIHA", "artery"), ("TISA", "stenotic artery")],
-)
+@pytest.mark.parametrize("scene, finding", [
+    ("TI", "nothing"), ("TIT", "tumour"), ("TIHA", "artery"), ("TISA", "stenotic artery"),
+])  # fmt: skip
 def test_finding_and_place(scene: str, finding: str, folder: Path) -> None:
     reported = scanned(scene, folder)
     assert reported["finding"] == finding
@@ -63,10 +58,7 @@ def test_the_stenotic_pulse_is_much_weaker(folder: Path) -> None:
 
 def test_of_two_lone_arteries_the_stenotic_one_is_named(folder: Path) -> None:
     runs = [scanned(scene, folder)["run"] for scene in ("HAOT", "SAOT")]
-    done = subprocess.run(
-        [*PALPATE, "compare", *runs, "--json"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    done = ended("compare", *runs, "--json", status=0)
     compared = json.loads(done.stdout)
     assert compared["diseased"] == "B"
     assert compared["confidence"] > 0.9

@@ -54,8 +54,7 @@ def test_enter_takes_the_robot_s_pose_and_the_file_gets_the_keys(
     palpate: Any, rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     typed(monkeypatch, "", "", "")
-    done = palpate("teach", str(rig), "--write")
-    assert done.status == 0, done.err
+    done = palpate("teach", str(rig), "--write", status=0)
     assert "Point 2: a point along x" in done.err
     assert "tool stood 0.0 degrees" in done.err
     stage = tomllib.loads(rig.read_text())["stage"]
@@ -71,8 +70,7 @@ def test_numbers_need_no_robot_and_are_printed(
     palpate: Any, rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     typed(monkeypatch, "400 100 300", "here", "460, 100, 300", "400, 150, 300")
-    done = palpate("teach", str(rig), "--json")
-    assert done.status == 0, done.err
+    done = palpate("teach", str(rig), "--json", status=0)
     assert "three numbers in mm" in done.err
     assert done.json["stage"] == {
         "origin_mm": [400.0, 100.0, 300.0], "roll_deg": 0.0, "pitch_deg": 0.0, "yaw_deg": 0.0,
@@ -80,18 +78,14 @@ def test_numbers_need_no_robot_and_are_printed(
     assert rig.read_text() == RIG
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (["--point", "1,2,3"], "a frame needs three"),
-        (["--point", "1,2,3", "--point", "1,2,nan", "--point", "1,2,3"], "an arm reaches"),
-        (["--point", "1,2,3", "--point", "1,2,1e300", "--point", "1,2,3"], "up to 3000 mm"),
-        (["--point", "1,2,3", "--point", "2,2,3", "--point", "1,30,3"], "1.0 mm apart"),
-    ],
-)
+@pytest.mark.parametrize("given, said", [
+    (["--point", "1,2,3"], "a frame needs three"),
+    (["--point", "1,2,3", "--point", "1,2,nan", "--point", "1,2,3"], "an arm reaches"),
+    (["--point", "1,2,3", "--point", "1,2,1e300", "--point", "1,2,3"], "up to 3000 mm"),
+    (["--point", "1,2,3", "--point", "2,2,3", "--point", "1,30,3"], "1.0 mm apart"),
+])  # fmt: skip
 def test_bad_points_are_named(palpate: Any, rig: Path, given: list[str], said: str) -> None:
-    done = palpate("teach", str(rig), *given, "--write")
-    assert done.status == 2
+    done = palpate("teach", str(rig), *given, "--write", status=2)
     assert said in done.err
     assert rig.read_text() == RIG
 

@@ -15,14 +15,11 @@ def test_the_tables_are_listed_with_what_they_are_of(palpate: Callable) -> None:
     assert about["shape"] == "cylinder" and set(about["errors"]) == {"bare", "lump", "vessel"}
 
 
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({}, "plane stress"),
-        ({'plane = "stress"': 'plane = "strain"'}, "no touch table"),
-        ({"height_mm = 16.83": "height_mm = 60.0"}, "other ones"),
-    ],
-)
+@pytest.mark.parametrize("changed, said", [
+    ({}, "plane stress"),
+    ({'plane = "stress"': 'plane = "strain"'}, "no touch table"),
+    ({"height_mm = 16.83": "height_mm = 60.0"}, "other ones"),
+])  # fmt: skip
 def test_whether_a_table_knows_a_scene(
     changed: dict[str, str], said: str, tmp_path: Path, palpate: Callable
 ) -> None:
@@ -50,11 +47,10 @@ def test_a_table_is_made_and_found_again(
     kept.table_for.cache_clear()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [(["--make"], "--make needs a scene"), (["HAOT"], "blocks of tissue"),
-     (["TIT-solid"], "plane stress or strain"), (["none"], "neither a file nor")],
-)  # fmt: skip
+@pytest.mark.parametrize("arguments, said", [
+    (["--make"], "--make needs a scene"), (["HAOT"], "blocks of tissue"),
+    (["TIT-solid"], "plane stress or strain"), (["none"], "neither a file nor"),
+])  # fmt: skip
 def test_what_has_no_table_is_said(arguments: list[str], said: str, palpate: Callable) -> None:
     done = palpate("touch", *arguments)
     assert done.status == 2 and said in done.err
