@@ -181,7 +181,6 @@ def test_axis_errors_are_put_right_both_ways(tmp_path: Path) -> None:
 
 
 def test_calibrated_axes_take_no_ability_from_a_stage(tmp_path: Path) -> None:
-    """Without `start_again` a UR whose watchdog had ended its program was not lifted."""
     read = np.random.default_rng(1).uniform(0, 0.1, (20, 3))
     files = saved(fit_axes(read, read @ Skewed.matrix.T), tmp_path / "a.json", "gantry")
     able = Able()
@@ -189,8 +188,8 @@ def test_calibrated_axes_take_no_ability_from_a_stage(tmp_path: Path) -> None:
     assert abilities.enable(stage) == ["enable"]
     abilities.keep_alive(stage)
     abilities.start_again(stage)
-    stage.home()  # type: ignore[attr-defined]
-    stage.base_pose()  # type: ignore[attr-defined]
+    stage.home()
+    stage.base_pose()
     assert able.called == ["enable", "keep_alive", "start_again", "home", "base_pose"]
     assert abilities.finds_contact(stage) and abilities.touched(stage)
     assert (abilities.enable_s(stage), abilities.max_speed_m_s(stage)) == (30.0, 0.018)

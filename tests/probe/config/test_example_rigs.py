@@ -40,7 +40,6 @@ def test_its_scan_breaks_no_limit(path: Path, winkler: Respond, tmp_path: Path) 
 
 
 def test_a_transmitter_and_an_array_are_read_together(winkler: Respond, tmp_path: Path) -> None:
-    """The sensors of the file, each on a line of its own, while the same finger presses."""
     clock = WallClock()
     world = Phantom(load_scene("TI"), clock, winkler, home=(0.032, 0.0, -0.001))
     at = str(tmp_path / "tty")

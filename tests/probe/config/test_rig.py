@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
 from pydantic import ValidationError
-from springs import SpringStage
 
-from drivers import ConfigError, DeviceAbsent, SimulatedClock
-from probe.config import devices
+from drivers import ConfigError, SimulatedClock
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from probe.config.rig import Rig, RigError, Safety, default_rig
@@ -43,23 +42,16 @@ def test_the_example_is_the_default_rig() -> None:
 @pytest.mark.parametrize(("name", "found"), [("mine.toml", "{}/mine.toml"), ("TI", "TI")])
 def test_a_scene_s_file_lies_beside_the_rig_s(name: str, found: str, tmp_path: Path) -> None:
     rig = load_rig(write(tmp_path, f'{VIRTUAL}[scene]\nname = "{name}"\n'))
-    assert rig.scene is not None
     assert rig.scene.name == found.format(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("width_mm", "first_mm", "last_mm", "stations"),
-    [(64.0, 4.0, 60.0, 15), (100.0, 4.0, 96.0, 24), (50.0, 5.0, 45.0, 11), (7.0, 3.5, 3.5, 1)],
-)
+@pytest.mark.parametrize("width_mm, first_mm, last_mm, stations", [
+    (64.0, 4.0, 60.0, 15), (100.0, 4.0, 96.0, 24), (50.0, 5.0, 45.0, 11), (7.0, 3.5, 3.5, 1),
+])  # fmt: skip
 def test_the_default_row_reaches_over_the_whole_block(
     width_mm: float, first_mm: float, last_mm: float, stations: int
 ) -> None:
-    scene = load_scene("TI")
-    assert scene.tissue is not None
-    wide = scene.model_copy(
-        update={"tissue": scene.tissue.model_copy(update={"width_mm": width_mm})}
-    )
-    rig = default_rig(wide)
+    rig = default_rig(changed("TI", tissue={"width_mm": width_mm}))
     plan = plan_for(rig)
     limits_for(rig, plan)  # all within the workspace
     ends_mm = [1e3 * plan.places[n].x_m for n in (0, -1)]
@@ -71,46 +63,40 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
     assert place.x_m == pytest.approx(0.032)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[scan]\nstations = 30\n", "station 18 .* x = 72 mm"),
-        ("[scan]\nstations = 0\n", "scan.stations = 0: must be greater than or equal to 1"),
-        ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
-        ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
-        ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: unknown key .did you mean indentation_mm"),
-        ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
-        ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
-        ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
-        ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
-        (
-            "[scan]\nstart_mm = 0\nsurface_mm = [[0,0,0],[60,0,34.64],[0,9,0],[60,9,34.64]]\n"
-            "[safety]\nmax_depth_mm = 2.6\n",
-            "safety.max_depth_mm = 2.6: the scan goes 2.88",  # 2.5 mm along the normal, at 30 deg
-        ),
-        ("[safety]\nretract_mm = 0.4\n", "safety.retract_mm = 0.4: must be .* 0.5"),
-        ("[safety]\nworkspace_mm.z = [-4, 2.2]\n", "workspace_mm.z ends at 2.2 mm: .*to 2.5 mm"),
-        ("[scan]\nindentation_mm = 1e-320\n", "scan.indentation_mm = 1e-320: must be greater"),
-        (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
-        (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
-        ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
-        ('[calibration]\nforze = "none.json"\n', "calibration.forze: 'forze' is no kind .*; these"),
-        ('[calibration]\nforce = ""\n', "calibration.force = '': name its file, or leave the"),
-        ('[calibration]\nforce = "."\n', "calibration.force = .*: a folder; name the file in it"),
-        ("[scan\n", "not TOML"),
-        ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
-        ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
-        ('[[sensor]]\ndriver = "virtual"\nrate_hz = 0\n', r"sensor\[1\].rate_hz = 0: must be"),
-        ('[[sensor]]\ndriver = "virtual"\nrate_hz = nan\n', r"sensor\[1\].rate_hz = nan"),
-        (
-            '[[sensor]]\ndriver = "virtual"\nrate_hz = "5 Hz"\n',
-            r"sensor\[1\].rate_hz = '5 Hz': must",
-        ),
-        ('[[sensor]]\ndriver = "virtual"\nrate_hz = [5]\n', r"sensor\[1\].rate_hz = \[5\]: must"),
-        ('[[sensor]]\ndriver = "virtual"\nnoise_mn = "5"\n', r"sensor\[1\].noise_mn = '5': must"),
-        ('[[sensor]]\ndriver = "virtual"\nnoise_mn = inf\n', r"noise_mn = inf: must be from 0"),
-    ],
-)
+@pytest.mark.parametrize("text, said", [
+    ("[scan]\nstations = 30\n", "station 18 .* x = 72 mm"),
+    ("[scan]\nstations = 0\n", "scan.stations = 0: must be greater than or equal to 1"),
+    ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
+    ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
+    ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: unknown key .did you mean indentation_mm"),
+    ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
+    ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
+    ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
+    ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
+    (
+        "[scan]\nstart_mm = 0\nsurface_mm = [[0,0,0],[60,0,34.64],[0,9,0],[60,9,34.64]]\n"
+        "[safety]\nmax_depth_mm = 2.6\n",
+        "safety.max_depth_mm = 2.6: the scan goes 2.88",  # 2.5 mm along the normal, at 30 deg
+    ),
+    ("[safety]\nretract_mm = 0.4\n", "safety.retract_mm = 0.4: must be .* 0.5"),
+    ("[safety]\nworkspace_mm.z = [-4, 2.2]\n", "workspace_mm.z ends at 2.2 mm: .*to 2.5 mm"),
+    ("[scan]\nindentation_mm = 1e-320\n", "scan.indentation_mm = 1e-320: must be greater"),
+    (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
+    (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
+    ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
+    ('[calibration]\nforze = "none.json"\n', "calibration.forze: 'forze' is no kind .*; these"),
+    ('[calibration]\nforce = ""\n', "calibration.force = '': name its file, or leave the"),
+    ('[calibration]\nforce = "."\n', "calibration.force = .*: a folder; name the file in it"),
+    ("[scan\n", "not TOML"),
+    ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
+    ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
+    ('[[sensor]]\ndriver = "virtual"\nrate_hz = 0\n', r"sensor\[1\].rate_hz = 0: must be"),
+    ('[[sensor]]\ndriver = "virtual"\nrate_hz = nan\n', r"sensor\[1\].rate_hz = nan"),
+    ('[[sensor]]\ndriver = "virtual"\nrate_hz = "5 Hz"\n', r"sensor\[1\].rate_hz = '5 Hz': must"),
+    ('[[sensor]]\ndriver = "virtual"\nrate_hz = [5]\n', r"sensor\[1\].rate_hz = \[5\]: must"),
+    ('[[sensor]]\ndriver = "virtual"\nnoise_mn = "5"\n', r"sensor\[1\].noise_mn = '5': must"),
+    ('[[sensor]]\ndriver = "virtual"\nnoise_mn = inf\n', r"noise_mn = inf: must be from 0"),
+])  # fmt: skip
 def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(RigError, match=said) as caught:
         load_rig(write(tmp_path, VIRTUAL + text))
@@ -119,30 +105,27 @@ def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str
 
 def test_limits_need_a_plan() -> None:
     with pytest.raises(TypeError, match="plan_for"):
-        limits_for(Rig(), None)  # type: ignore[arg-type]
+        limits_for(Rig(), None)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("scan = 3", "scan = 3: must be a table"),
-        ("scan.start_mm = 'x'", "scan.start_mm = 'x': must be a number"),
-        ("scan.start_mm = []", "scan.start_mm has 0 values, and needs more"),
-        ("scan.start_mm = [1, 'x']", "scan.start_mm.1 = 'x': must be a number"),
-        ("scan.start_mm = [1, 2, 3]", "scan.start_mm = [1, 2, 3]: must have at most 2 entries"),
-        ("scan.stations = [5, 0]", "scan.stations.1 = 0: must be greater than or equal to 1"),
-        (
-            "scan.surface_mm = [1]",
-            "scan.surface_mm.0 = 1: must be a list, in [ ]\n"
-            "scan.surface_mm = [1]: must have 3 or more entries",
-        ),
-        ("safety.workspace_mm.x = 3", "safety.workspace_mm.x = 3: must be a list, in [ ]"),
-        ("scene.name = 3", "scene.name = 3: must be text, in quotes"),
-        ("sensor = []", "sensor = []: must have 1 or more entries"),
-        ("[safety.workspace_mm.x]", "safety.workspace_mm.x: must be a list, in [ ]"),
-        ("[sensor]", "sensor: is a list of tables: write [[sensor]], in two brackets"),
-    ],
-)
+@pytest.mark.parametrize("text, said", [
+    ("scan = 3", "scan = 3: must be a table"),
+    ("scan.start_mm = 'x'", "scan.start_mm = 'x': must be a number"),
+    ("scan.start_mm = []", "scan.start_mm has 0 values, and needs more"),
+    ("scan.start_mm = [1, 'x']", "scan.start_mm.1 = 'x': must be a number"),
+    ("scan.start_mm = [1, 2, 3]", "scan.start_mm = [1, 2, 3]: must have at most 2 entries"),
+    ("scan.stations = [5, 0]", "scan.stations.1 = 0: must be greater than or equal to 1"),
+    (
+        "scan.surface_mm = [1]",
+        "scan.surface_mm.0 = 1: must be a list, in [ ]\n"
+        "scan.surface_mm = [1]: must have 3 or more entries",
+    ),
+    ("safety.workspace_mm.x = 3", "safety.workspace_mm.x = 3: must be a list, in [ ]"),
+    ("scene.name = 3", "scene.name = 3: must be text, in quotes"),
+    ("sensor = []", "sensor = []: must have 1 or more entries"),
+    ("[safety.workspace_mm.x]", "safety.workspace_mm.x: must be a list, in [ ]"),
+    ("[sensor]", "sensor: is a list of tables: write [[sensor]], in two brackets"),
+])  # fmt: skip
 def test_a_value_of_another_kind_is_refused_in_the_words_of_the_file(
     tmp_path: Path, text: str, said: str
 ) -> None:
@@ -151,29 +134,24 @@ def test_a_value_of_another_kind_is_refused_in_the_words_of_the_file(
     assert str(caught.value).replace(f"{tmp_path / 'rig.toml'}: ", "") == said
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (VIRTUAL.replace("virtual", "warp", 1) + SCENE, "stage.driver = 'warp': .*known: .*ur"),
-        (VIRTUAL + "rate_hz = 'fast'\n" + SCENE, "sensor.0..rate_hz = 'fast'"),
-        (VIRTUAL + "rate_hz = 0\n" + SCENE, "sensor.0..rate_hz = 0: must be above 0"),
-        (VIRTUAL + "rate_hz = 1e9\n" + SCENE, "sensor.0..rate_hz = 1e.09: must be at most 100000"),
-        (
-            "[[sensor]]\ndriver = 'netft'\nhost = 'x'\nrate_hz = 1e300\n" + SCENE,
-            "sensor.0..rate_hz = 1e.300: must be at most 100000",
-        ),
-        (VIRTUAL + "colour = 1\n" + SCENE, "colour = 1: unknown key; known here: .*rate_hz"),
-        (VIRTUAL + "rate = 1\n" + SCENE, "sensor.0..rate = 1: .*did you mean rate_hz"),
-        ("[[sensor]]\ndriver = 'modbus'\nport = 'x'\n[[sensor.register]]\nname = 'f'\nadress = 1\n"
-         + SCENE, r"adress = 1: .*did you mean address..; known here: address, full_scale, name, r"
-                  r"[^@]*$(?<!entries)"),
-        (VIRTUAL, "scene.name is missing"),
-        (VIRTUAL + "name = 'stage'\n" + SCENE, "name = 'stage': taken"),
-        (VIRTUAL + "[[sensor]]\ndriver = 'virtual'\n" + SCENE, r"sensor\[1\].name = 'force'"),
-        (VIRTUAL + SCENE + "[scan]\nindentation_mm = 17\nramp_s = 9\n[safety.workspace_mm]\n"
-         "z = [-20, 20]\n", "only 16.83 mm thick"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text, said", [
+    (VIRTUAL.replace("virtual", "warp", 1) + SCENE, "stage.driver = 'warp': .*known: .*ur"),
+    (VIRTUAL + "rate_hz = 'fast'\n" + SCENE, "sensor.0..rate_hz = 'fast'"),
+    (VIRTUAL + "rate_hz = 0\n" + SCENE, "sensor.0..rate_hz = 0: must be above 0"),
+    (VIRTUAL + "rate_hz = 1e9\n" + SCENE, "sensor.0..rate_hz = 1e.09: must be at most 100000"),
+    ("[[sensor]]\ndriver = 'netft'\nhost = 'x'\nrate_hz = 1e300\n" + SCENE,
+     "sensor.0..rate_hz = 1e.300: must be at most 100000"),
+    (VIRTUAL + "colour = 1\n" + SCENE, "colour = 1: unknown key; known here: .*rate_hz"),
+    (VIRTUAL + "rate = 1\n" + SCENE, "sensor.0..rate = 1: .*did you mean rate_hz"),
+    ("[[sensor]]\ndriver = 'modbus'\nport = 'x'\n[[sensor.register]]\nname = 'f'\nadress = 1\n"
+     + SCENE, r"adress = 1: .*did you mean address..; known here: address, full_scale, name, r"
+              r"[^@]*$(?<!entries)"),
+    (VIRTUAL, "scene.name is missing"),
+    (VIRTUAL + "name = 'stage'\n" + SCENE, "name = 'stage': taken"),
+    (VIRTUAL + "[[sensor]]\ndriver = 'virtual'\n" + SCENE, r"sensor\[1\].name = 'force'"),
+    (VIRTUAL + SCENE + "[scan]\nindentation_mm = 17\nramp_s = 9\n[safety.workspace_mm]\n"
+     "z = [-20, 20]\n", "only 16.83 mm thick"),
+])  # fmt: skip
 def test_wrong_devices_name_key_and_value(
     tmp_path: Path, winkler: Any, text: str, said: str
 ) -> None:
@@ -211,37 +189,6 @@ def test_a_press_may_be_as_deep_as_is_allowed(depth_mm: float) -> None:
 def test_a_measured_surface_is_a_plane_through_three_points() -> None:
     rig = Rig.model_validate({"scan": {"surface_mm": [[0, 0, 0], [60, 0, 3], [0, 5, 0]]}})
     assert plan_for(rig).surface(0.030, 0.002) == pytest.approx(1.5e-3, abs=1e-6)
-
-
-class Absent(SpringStage):
-    """A device that is not there."""
-
-    name = "absent"
-
-    def __init__(self) -> None: ...
-
-    def connect(self) -> None:
-        raise DeviceAbsent("absent", "no answer at 10.0.0.9")
-
-    def close(self) -> None:
-        """Nothing was opened."""
-
-
-def test_a_stand_in_takes_over_only_where_it_is_allowed(
-    winkler: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = devices.open_driver
-    monkeypatch.setattr(
-        devices,
-        "open_driver",
-        lambda kind, name, *more: Absent() if name == "mine" else real(kind, name, *more),
-    )
-    rig = Rig.model_validate({"stage": {"driver": "mine"}, "scene": {"name": "TI"}})
-    with pytest.raises(DeviceAbsent):
-        connect(rig, SimulatedClock(), respond=winkler)
-    with connect(rig, SimulatedClock(), fallback="virtual", respond=winkler) as opened:
-        assert opened.stage.simulated
-        assert "no answer at 10.0.0.9; a simulated stand-in" in opened.notes[0]
 
 
 def test_the_configuration_of_a_run_is_complete() -> None:

@@ -112,15 +112,11 @@ def test_of_scenes(file: dict[str, Any]) -> None:
     assert not differ(SCENE_MARKS, file, refusals(Scene, file))
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "words"),
-    [
-        ({"scan": {"start_mm": True}}, ("scan", "start_mm"), "a number"),
-        ({"scan": {"stations": "3"}}, ("scan", "stations"), "a number, without quotes"),
-        ({"safety": {"workspace_mm": {"x": [True, 9.0]}}}, ("safety", "workspace_mm", "x", 0), ""),
-    ],
-    ids=["switch", "text", "in a list"],
-)
+@pytest.mark.parametrize("table, key, words", [
+    ({"scan": {"start_mm": True}}, ("scan", "start_mm"), "a number"),
+    ({"scan": {"stations": "3"}}, ("scan", "stations"), "a number, without quotes"),
+    ({"safety": {"workspace_mm": {"x": [True, 9.0]}}}, ("safety", "workspace_mm", "x", 0), ""),
+], ids=["switch", "text", "in a list"])  # fmt: skip
 def test_what_is_of_another_kind_is_named_by_its_key(
     table: dict[str, Any], key: Path, words: str
 ) -> None:

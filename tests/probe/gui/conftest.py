@@ -82,8 +82,7 @@ def _press(n: int, start: float, x_m: float, y_m: float, taxels: int) -> list[Ev
 
 @pytest.fixture(autouse=True)
 def _widgets_are_collected_by_their_thread() -> Iterator[None]:
-    """Qt ends the process where another thread, as a later test's emulator, collects a widget, and
-    at times where this one collects a window's parts in any order: Qt deletes the windows."""
+    """Qt ends the process where another thread collects a widget, or its parts in any order."""
     yield
     # pyqtgraph's own menus and panels go with them
     every = QApplication.topLevelWidgets()

@@ -71,7 +71,6 @@ def test_a_window_goes_on_where_its_run_cannot_be_read_and_says_why(
             path.write_bytes(content)
         state.complete.add(-1 if content is None else len(content))  # so it is looked at again
         window.frame()
-        assert look._worker is not None
         look._worker.join()
         window.frame()
         shown = window.side.finding.text()
@@ -80,7 +79,6 @@ def test_a_window_goes_on_where_its_run_cannot_be_read_and_says_why(
 
 
 def test_a_run_that_is_garbled_while_it_is_watched_is_said_with_what_was_seen(few: Path) -> None:
-
     def events() -> Iterator[Event]:
         yield from list(open_run(few).events())[:20]
         raise RunFileError(f"{few}: damaged")
@@ -135,7 +133,6 @@ def test_a_signal_closes_a_window(
     few: Path, monkeypatch: pytest.MonkeyPatch, entry: Callable[[Path], int],
     number: signal.Signals,
 ) -> None:  # fmt: skip
-    """Ctrl-C once ended in a traceback of the frame, and the window stayed."""
     monkeypatch.setattr("os.nice", lambda _: 0)  # of a window; this process goes on
     application()
     QTimer.singleShot(300, lambda: os.kill(os.getpid(), number))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 from small_solid import small_solid
@@ -15,7 +16,6 @@ from probe.gui.style import application
 from probe.gui.table import Table, came_mm, solve
 from sim_backend import load_scene
 from sim_backend.models import kept_tables
-from sim_backend.scene.scene_file import Scene
 
 LEFT = Qt.MouseButton.LeftButton
 TIHA = load_scene("TIHA")
@@ -101,10 +101,7 @@ def test_the_arrow_keys_press_within_reach() -> None:
 
 
 def test_a_thin_block_is_pressed_less_deep_than_it_is() -> None:
-    """No place of one answered."""
-    thin = load_scene("TI").model_dump()
-    thin["tissue"]["height_mm"] = 2.0
-    assert deepest_mm(Scene.model_validate(thin)) == 1.0
+    assert deepest_mm(changed("TI", tissue={"height_mm": 2.0})) == 1.0
     assert deepest_mm(load_scene("TI")) == MAX_DEPTH_MM
 
 

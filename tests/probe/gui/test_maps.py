@@ -11,7 +11,7 @@ from run_windows import FINDING, LEFT, Make, Shoot, measured, window_on
 
 from drivers import Channel
 from drivers.core.array_layout import taxel_names
-from probe.core.events import RunStarted, Samples, StationEnded
+from probe.core.events import Samples, StationEnded
 from probe.gui.body import BodyPanel
 from probe.gui.maps import MapPanel
 from probe.gui.state import ViewState
@@ -75,7 +75,6 @@ def test_a_grids_pulses_are_on_a_scale_from_0_also_where_none_is_seen(
 
 
 def test_the_first_cell_of_a_map_has_a_numbered_scale(make_run: Make) -> None:
-    """Between two ends that are all but equal there was no number."""
     window = window_on(make_run(rows=3, columns=5))
     window.maps.grid.show_table(np.array([[6.5]]), (0, 0, 1, 1))
     low, high = window.maps.grid.bar.levels()
@@ -91,7 +90,6 @@ def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
     assert not window.maps.line.isVisible()
     assert window.maps.taxels.level.image.image.shape == (1, 28)
     begun = events[0]
-    assert isinstance(begun, RunStarted)
     named = [Channel(f"r{n // 7}c{n % 7}", "N", "taxel", True) for n in range(28)]
     begun = replace(begun, channels={**begun.channels, "virtual": tuple(named)})
     window = window_on([begun, *events[1:]])
@@ -108,9 +106,7 @@ def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
 def test_each_press_of_a_row_has_its_image_with_a_dead_taxel_as_not_seen(
     make_run: Make, shoot: Shoot
 ) -> None:
-    """The latest press's, or that of the station that is chosen; a calibration left out r1c1."""
     begun, *events = make_run(columns=3, taxels=6)
-    assert isinstance(begun, RunStarted)
     named = [Channel(name, "N", "taxel", True) for name in taxel_names(2, 3)]
     named[4] = replace(named[4], role="other")
     window = window_on(
@@ -138,7 +134,6 @@ def test_each_taxel_is_drawn_in_its_row_and_column(rows: int, columns: int, make
     """Row 0 at the bottom, as y grows upwards: the pixel over (column, row) is that taxel's."""
     count = rows * columns
     begun, *events = make_run(columns=1, taxels=count)
-    assert isinstance(begun, RunStarted)
     named = tuple(Channel(name, "N", "taxel", True) for name in taxel_names(rows, columns))
     window = window_on([replace(begun, channels={**begun.channels, "virtual": named}), *events])
     window.frame()
@@ -169,7 +164,6 @@ def test_a_pulse_that_was_not_seen_is_not_drawn_as_0(make_run: Make, shoot: Shoo
 
 
 def test_a_click_on_a_place_shows_its_signal(make_run: Make, shoot: Shoot) -> None:
-    """And a second one the latest again; what is shown is that station's, thinned as it may be."""
     window = window_on(make_run())
     shoot(window, "live_not_chosen")
     area = window.maps.line.beat
@@ -198,7 +192,6 @@ def test_the_finger_is_drawn_over_the_surface_that_the_scan_has(
     """Held 2.5 mm deep, however high the surface lies in the scan's frame."""
     events, state, panel = make_run(columns=1), ViewState(), BodyPanel()
     started = events[0]
-    assert isinstance(started, RunStarted)
     if surface_mm is not None:
         started.config["plan"]["surface_mm"] = [surface_mm]
     for event in events:
@@ -214,7 +207,6 @@ def test_the_finger_is_drawn_over_the_surface_that_the_scan_has(
 def test_a_grid_shows_the_section_of_the_row_that_is_pressed(make_run: Make) -> None:
     events = make_run(rows=2, columns=2)  # 4 mm apart
     started = events[0]
-    assert isinstance(started, RunStarted)
     started.config["scene"]["inclusion"][0]["path"] = [[0.0, 20.0, 12.66], [4.0, 40.0, 12.66]]
     state, panel, middles = ViewState(), BodyPanel(), []
     for event in events:
@@ -231,7 +223,6 @@ def test_where_the_section_is_unknown_the_surface_reaches_under_the_whole_finger
 ) -> None:
     events, state, panel = make_run(), ViewState(), BodyPanel()
     started = events[0]
-    assert isinstance(started, RunStarted)
     started.config["scene"] = None
     for event in events:
         state.update(event)

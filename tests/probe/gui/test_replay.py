@@ -14,7 +14,6 @@ from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow, TimeBar
 
 
 def test_a_replay_draws_what_was_found_at_its_end(make_run: Make) -> None:
-    """The course was drawn before the first press, beside the words "none yet"."""
     one = {"kind": "artery", "course_mm": [[30.0, 0.0], [32.0, 4.0]], "position_mm": 31.0}
     found = FINDING | {"objects": [one | {"confidence": 0.9}], "stations": measured(15)}
     window = ReplayWindow(Path("a.run"), make_run(rows=3, columns=5), lambda: found)

@@ -67,7 +67,6 @@ def test_a_hold_gives_baseline_and_pulse_as_contact_stress() -> None:
 
 
 def test_a_real_heart_is_not_folded_at_the_scenes_rate() -> None:
-    """Of a real sensor a pulse is drawn once detection has found the heart's rate."""
     real = {"virtual": (Channel("force", "N", "force"),)}
     begun = replace(started(scene={"pulse": {"rate_bpm": 45.0}}), channels=real)
     state = view(begun, *press(1.0, 0, 0.04))
@@ -121,7 +120,6 @@ def test_a_resumed_run_keeps_what_was_complete() -> None:
 
 
 def test_a_fault_is_over_once_the_run_is_resumed() -> None:
-    """The red banner stayed, and the device was lost for ever."""
     broken = [Note(3.0, "fault", "virtual", "unplugged"), RunEnded(4.0, Finish.FAULTED, "virtual")]
     state = view(started(), *press(1.0, 0, 0.0), *broken)
     assert state.device_states()["virtual"] == "lost"

@@ -1,16 +1,18 @@
-"""A running scan's window: every control is clicked, every state is drawn, the pictures kept."""
+"""A running scan's window: every control is clicked, every state drawn, on any screen."""
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel
-from run_windows import FINDING, LEFT, Make, Shoot, window_on
+from run_windows import FINDING, LEFT, Make, Shoot, state_of, window_on
 
 from probe.core.events import Finish, Note, PhaseEntered, RunEnded, RunStarted
 from probe.gui.app import Follower
@@ -64,7 +66,6 @@ def test_the_beat_says_at_which_station_and_the_shades_what_they_mean(make_run: 
     window.frame()
     title = window.traces.beat.getPlotItem().titleLabel.text
     last = window.state().station
-    assert last is not None
     assert f"at station {last + 1}, folded at" in title
     words = " ".join(label.text() for label in window.traces.findChildren(QLabel))
     for phase, colour in PHASE_COLOURS.items():
@@ -94,7 +95,6 @@ def test_a_lost_device_is_shown_in_words(make_run: Make, shoot: Shoot) -> None:
 def test_a_window_opens_as_much_larger_as_its_text(
     times: float, make_run: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a 4K screen it opened as small as on any other, with text of twice the size cut off."""
     application(times)
     wide = SimpleNamespace(availableGeometry=lambda: QRect(0, 0, 3840, 2160))
     monkeypatch.setattr(QApplication, "primaryScreen", lambda: wide)
@@ -127,9 +127,7 @@ def test_one_picture_that_fails_leaves_the_others(
 def test_a_recording_without_places_shows_its_signal_and_its_pulse(
     make_run: Make, shoot: Shoot
 ) -> None:
-    """As an import may be, which knows no phases either: the map ended in a traceback."""
     begun, *events = make_run(columns=2)
-    assert isinstance(begun, RunStarted)
     plan = {"stations": [[n, None, None] for n in range(2)]}
     begun = replace(begun, config={"plan": plan, "face_mm2": 100.0})
     window = window_on([begun, *(e for e in events if not isinstance(e, PhaseEntered))])
@@ -163,7 +161,6 @@ def test_a_frame_reads_no_longer_than_its_budget(make_run: Make) -> None:
 def test_a_window_that_lags_reads_on_and_says_so(
     make_run: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where others have the processor, a frame's time by the clock was over before it had read."""
     clock_s = itertools.count(0.0, 1.0)  # a second passes whenever it is looked at
     monkeypatch.setattr("probe.gui.app.perf_counter", lambda: next(clock_s))
     running = [event for event in make_run() if not isinstance(event, RunEnded)]
@@ -176,7 +173,6 @@ def test_a_window_that_lags_reads_on_and_says_so(
 
 
 def test_a_run_that_has_only_begun_is_drawn() -> None:
-    """In real time the first event comes long before the first phase."""
     window = window_on([RunStarted(5.0, "2026-01-01T00:00:00+00:00", {}, {"stage": ()})])
     window.frame()
     assert "0 of 0 stations" in window.side.progress.text()
@@ -212,3 +208,36 @@ def test_a_finished_run_is_looked_at_once_a_second(make_run: Make) -> None:
     for _ in range(50):
         follower()
     assert asked - before <= 1
+
+
+SMALL = (800, 600)
+
+
+@pytest.mark.parametrize("rows", [1, 5])
+def test_nothing_is_cut_on_a_small_screen(rows: int, make_run: Make, shoot: Shoot) -> None:
+    state = state_of(make_run(rows))
+    long = FINDING | {"reason": "of two objects " * 40}
+    window = RunWindow(Path("a.run"), lambda: state, lambda: long, lambda _: None)
+    shoot(window, f"small-{rows}", SMALL)
+    area = window.plots.parentWidget()
+    assert window.plots.width() <= area.width()
+    shown = [one for one in window.plots.findChildren(pg.GraphicsView) if one.isVisible()]
+    assert len(shown) >= 4
+    for one in shown:
+        assert one.width() <= area.width()
+        drawn = one.scene().itemsBoundingRect()
+        parts = [item for item in one.scene().items() if isinstance(item, pg.PlotItem)]
+        for part in parts:
+            assert part.sceneBoundingRect().right() <= one.width() + 1, drawn
+            assert part.sceneBoundingRect().bottom() <= one.height() + 1, drawn
+    for label in (window.side.finding, window.side.objects, window.side.progress):
+        assert label.height() >= label.heightForWidth(label.width())
+    assert window.side.buttons["stop"].geometry().bottom() < SMALL[1]
+
+
+def test_a_wide_window_has_its_plots_beside_each_other(make_run: Make, shoot: Shoot) -> None:
+    state = state_of(make_run())
+    window = RunWindow(Path("a.run"), lambda: state)
+    shoot(window, "wide")
+    assert window.plots.orientation() is Qt.Orientation.Horizontal
+    assert window.plots.height() <= window.plots.parentWidget().height()

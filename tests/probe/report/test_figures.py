@@ -58,7 +58,6 @@ def test_a_scan_without_a_pulse_shows_its_hardest_press() -> None:
 
 
 def test_a_robots_grid_has_no_holes() -> None:
-    """Measured places differ by micrometres within a row and a column."""
     aside = np.array([0.0, 2e-3, -3e-3, 1e-3])
     columns, rows, table = figures.grid_of(
         np.array([0.0, 4.0, 4.0, 0.0]) + aside, np.array([0.0, 0.0, 4.0, 4.0]) - aside, np.ones(4)
@@ -87,7 +86,6 @@ def test_ink_follows_the_page_so_that_dark_is_readable() -> None:
 
 
 def test_an_object_without_an_interval_is_drawn_as_a_line() -> None:
-    """What one station alone shows has a place and no interval."""
     found = finding(row())
     one = {"kind": "undecided", "position_mm": 12.0, "position_ci_mm": None}
     (axes,) = figures.pulse_map({**found, "objects": [one]}, row()).axes
@@ -132,7 +130,6 @@ def test_a_grids_pulse_map_shows_the_course_and_where_it_is_stenosed() -> None:
 def test_a_grids_pulses_are_on_a_scale_from_0_also_where_none_was_seen(
     seen_pa: float, most_pa: float
 ) -> None:
-    """A map without a pulse had a scale from -0.1 to 0.1 Pa, whose numbers ran into each other."""
     found: dict[str, Any] = finding(grid())
     for n, one in enumerate(found["stations"]):
         one["pulse_pa"], one["pulse_below_pa"] = 100.0, 240.0 - n
@@ -204,7 +201,6 @@ def test_an_array_is_drawn_as_it_lies_with_its_pulse(rows: int, columns: int) ->
     names = tuple(f"skin.{name}" for name in taxel_names(rows, columns) if name != "r0c1")
     with figures.style():
         drawn = taxels(Recording((press,), names, (), FACE_M2), press, 60 / 0.825)
-    assert drawn is not None
     images = [axes.collections[0].get_array() for axes in drawn.axes[:2]]
     mean, pulse = (np.ma.filled(image, np.nan) for image in images)
     assert mean.shape == pulse.shape == (rows, columns)

@@ -1,4 +1,4 @@
-"""The report is complete, self-contained, and marked where simulated."""
+"""The report is complete, self-contained, marked where simulated; an anonymous run names nobody."""
 
 import errno
 import re
@@ -13,6 +13,7 @@ from recordings import finding, grid, row, started
 
 from drivers import Block, Channel
 from probe.core.events import RunStarted, Samples, StationStarted
+from probe.report.anonymous import anonymous
 from probe.report.page import Picture, page
 from probe.report.write import report, write_report
 from probe.storage.writer import create_store
@@ -35,7 +36,6 @@ def test_a_grids_table_has_y_and_counts_from_one() -> None:
 def test_the_section_is_that_of_the_row_which_was_pressed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An oblique vessel lies elsewhere in each row."""
     scene = load_scene("TIHA").model_dump(mode="json")
     scene["inclusion"][0]["path"] = [[0.0, 20.0, 10.0], [16.0, 36.0, 10.0]]
     config = started().config | {"scene": scene}
@@ -66,8 +66,7 @@ Reports = dict[str, Path]
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory: pytest.TempPathFactory) -> Reports:
-    """Of a simulated row that was aborted, whose third pulse is bounded, and of a grid with a
-    vessel's course, in a file with an odd name: figures take a second to draw."""
+    """An aborted row with a bounded pulse, and a grid with a vessel's course and an odd name."""
     config = started().config | {
         "labels": {"operator": "Ann <A>", "specimen": "gel 3"},
         "plan": {
@@ -90,7 +89,6 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Reports:
 def test_the_page_needs_nothing_else_and_the_figures_lie_beside_it(
     name: str, title: str, reports: Reports
 ) -> None:
-    """And text from a run cannot become markup."""
     text = reports[name].read_text(encoding="utf-8")
     assert "Finding: artery" in text
     assert "31.40 to 32.60" in text
@@ -125,7 +123,6 @@ def test_the_top_says_who_scanned_what_and_how(reports: Reports) -> None:
 
 
 def test_a_grids_objects_leave_their_columns_to_a_phone(reports: Reports) -> None:
-    """The course had a column of its own, which pushed the confidence out of the screen."""
     text = reports["grid"].read_text(encoding="utf-8")
     assert "<p>artery: seen from x, y = 30.0, 0.0 to 32.0, 16.0 mm</p>" in text
     assert "<td>seen" not in text
@@ -135,8 +132,6 @@ def test_a_grids_objects_leave_their_columns_to_a_phone(reports: Reports) -> Non
 def test_a_full_disk_is_said_of_the_file_that_it_does_not_take(
     wrote: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As the system tells it, without the file."""
-
     def full(_self: object, to: object, **_more: object) -> None:
         if wrote == ".html" or isinstance(to, Path):
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -156,7 +151,6 @@ def test_a_full_disk_is_said_of_the_file_that_it_does_not_take(
 def test_of_a_run_without_a_complete_station_the_samples_are_shown(
     samples: bool, tmp_path: Path
 ) -> None:
-    """And that none of them is judged; or that there are none."""
     run, time_s = tmp_path / "a.run", 0.01 * np.arange(50)
     block = Block(time_s, time_s[:, None], np.zeros((50, 1), bool))
     channels = {"cell": (Channel("force", "N", "force"),)}
@@ -169,3 +163,37 @@ def test_of_a_run_without_a_complete_station_the_samples_are_shown(
     assert "No station is complete, so nothing is judged; `palpate resume`" in text
     assert ("of all that was recorded" in text) == samples
     assert ("There is no sample in it." in text) == (not samples)
+
+
+def test_an_anonymous_run_names_nobody() -> None:
+    config = {
+        "labels": {"operator": "Ann", "specimen": "Bob"},
+        "rig": {"stage": {"driver": "ur", "host": "10.1.2.3"}, "sensor": [{"port": "/dev/x"}]},
+        "calibration": {"force": {"file": "/home/ann/f.json", "sha256": "0"}},
+    }
+    kept = anonymous(RunStarted(0.0, "2026-01-01T00:00:00+00:00", config, {}))
+    for telling in ("Ann", "Bob", "10.1.2.3", "/dev/x", "/home", "2026"):
+        assert telling not in str(kept)
+    assert kept.config["rig"]["stage"]["driver"] == "ur"
+
+
+def test_an_anonymous_run_names_no_file_of_its_user() -> None:
+    home = "/home/ann/bob.toml"
+    config = {
+        "rig": {
+            "stage": {"driver": "own", "program": "C:\\Users\\ann\\move.script"},
+            "sensor": [{"driver": "own", "models": [home]}],
+            "scene": {"name": "bob.toml", "surface_mm": 1.0},
+            "calibration": {"force": "bob.json"},
+        },
+        "scene": load_scene("TIHA").model_dump(mode="json"),
+        "computer": "0123abcd",
+    }
+    config["scene"]["pulse"]["wave"] = "bob.csv"
+    kept = anonymous(RunStarted(0.0, "2026-01-01T00:00:00+00:00", config, {})).config
+    for telling in ("ann", "bob", "0123abcd"):
+        assert telling not in str(kept)
+    assert kept["rig"]["scene"]["surface_mm"] == 1.0
+    assert Scene.model_validate(kept["scene"]).name == "TIHA"  # what the section is drawn from
+    built_in = {"rig": {"scene": {"name": "TIHA"}}}
+    assert anonymous(RunStarted(0.0, "", built_in, {})).config == built_in

@@ -22,7 +22,7 @@ def test_nobody_at_the_scheduler(tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore")  # what Dask warns of while a worker is killed
 def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> None:
     wanted = made("wall_mm=0.4..0.8:12", "systolic_mmhg=120")
-    alone = solve_points(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    alone = solve_points(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)
     killed: list[int] = []
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
@@ -34,7 +34,7 @@ def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> 
                 os.kill(killed[0], 9)
 
         there = solve_points(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
-                      scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
+                      scheduler=cluster.scheduler_address, **FAST)  # fmt: skip
     assert killed
     # This process may use more threads than the workers: the last bits of a sum are others then,
     # and a pulse is the small difference of two.

@@ -70,18 +70,15 @@ def pulse_of_tisa(pulses: list[float]) -> str:
 
 
 def test_the_papers_pulse_is_not_contradicted_where_some_readings_agree() -> None:
-    """And no more is said: that they spread over twice the figure says that it is not fixed."""
     said = pulse_of_tisa([22.0, 44.0])
     assert said == "not contradicted: 1 of 2 readings are within 10 %, over 22 to 44 Pa"
     assert pulse_of_tisa([10.0, 44.0]) == "does not hold"
 
 
-@pytest.mark.parametrize(
-    ("pulse_of_haot", "stable", "verdict"),
-    [(3.0, True, "holds"), (1.0, True, "does not hold"), (3.0, False, "does not hold")],
-)
+@pytest.mark.parametrize("pulse_of_haot, stable, verdict", [
+    (3.0, True, "holds"), (1.0, True, "does not hold"), (3.0, False, "does not hold"),
+])  # fmt: skip
 def test_a_lone_vessel_counts_only_where_it_stays(pulse_of_haot, stable, verdict) -> None:
-    """HAOT's pulse was once above SAOT's on a branch that it falls from, and below beside it."""
     rows = [
         {"figure": "5", "model": "finite", "scene": "HAOT", "stable": stable,
          "contact_pa_80": 4.0, "contact_pa_120": 4.0 + pulse_of_haot},
@@ -95,7 +92,6 @@ def test_a_lone_vessel_counts_only_where_it_stays(pulse_of_haot, stable, verdict
 
 
 def test_the_page_says_of_trends_and_readings_what_the_run_found() -> None:
-    """docs/explanation/studies.md: what stands there in words is in the stored run."""
     data = json.loads((ROOT / "docs" / "figures" / "paper.json").read_text())["data"]
     page = " ".join((ROOT / "docs" / "explanation" / "studies.md").read_text().split())
     trends = {row[0].split(":")[0]: row[1] for row in data["table"] if row[0][5] in FIGURES}

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from programs import python
 from small_block import BLOCK
 from small_sweep import FAST, TIHA, made, without_time
 
@@ -36,7 +37,7 @@ def test_pressures_share_one_solution() -> None:
 
 
 def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
-    table = solve_points(TIHA, made("wall_mm=0.63,99"), tmp_path / "t.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    table = solve_points(TIHA, made("wall_mm=0.63,99"), tmp_path / "t.csv", workers=1, **FAST)
     assert table["reason"].iloc[0] == ""
     assert table["reason"].iloc[1].startswith("inclusion[0] (artery): depth_mm = 12.66 breaks")
     assert table["force_n"].iloc[0] > 0
@@ -73,8 +74,6 @@ def test_the_fast_model_is_solved_once_for_all_presses(monkeypatch: pytest.Monke
 def test_one_state_without_an_equilibrium_costs_the_fast_model_no_other(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """All points of a table got the reason of one."""
-
     def refuse(*_: object) -> None:
         raise CannotSolve("limit pressure", "found no equilibrium above 106 mmHg")
 
@@ -87,7 +86,6 @@ def test_one_state_without_an_equilibrium_costs_the_fast_model_no_other(
 def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A solid's knows those pressures only, and is solved for minutes at others."""
     asked = []
 
     def trained(scene: Scene, max_depth_mm: float) -> None:
@@ -103,7 +101,6 @@ def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
 
 
 def test_a_press_that_cannot_be_costs_the_fast_model_no_other() -> None:
-    """All rows of a sweep had the reason of the one that is deeper than the block."""
     wanted = points([parse("indentation_mm=0.02,99", BLOCK)], "full", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
     reasons = [row["reason"] for rows in solve(job).values() for row in rows]
@@ -114,19 +111,19 @@ def test_a_press_that_cannot_be_costs_the_fast_model_no_other() -> None:
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
 def test_an_interrupted_sweep_goes_on(tmp_path: Path, ending: str) -> None:
     wanted, out = made("wall_mm=0.5,0.55,0.6"), tmp_path / f"t.{ending}"
-    whole = solve_points(TIHA, wanted, tmp_path / "whole.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    whole = solve_points(TIHA, wanted, tmp_path / "whole.csv", workers=1, **FAST)
     log = tmp_path / "whole.rows.jsonl"
     first_two = log.read_text().splitlines(keepends=True)[:3]
     out.with_suffix(".rows.jsonl").write_text("".join(first_two) + '{"point": 2, "wa')
     counted: list[int] = []
     again = solve_points(
         TIHA, wanted, out, workers=1, progress=lambda d, _: counted.append(d), **FAST
-    )  # type: ignore[arg-type]
+    )
     assert counted[0] == 2
     pd.testing.assert_frame_equal(without_time(whole), without_time(again), check_exact=True)
     assert out.stat().st_size > 0
     with pytest.raises(ConfigError, match="another sweep"):
-        solve_points(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)  # type: ignore[arg-type]
+        solve_points(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)
 
 
 def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
@@ -166,7 +163,6 @@ def test_a_killed_sweep_leaves_no_workers_behind(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", [2, 3])
 def test_ctrl_c_while_workers_start_is_without_a_traceback(tmp_path: Path, begun: int) -> None:
-    """A terminal's Ctrl-C reaches the workers as well, in the middle of their imports."""
     psutil = pytest.importorskip("psutil", reason="the extra `cluster` is not installed")
     command = [sys.executable, "-m", "probe.cli", "sweep", "TIHA", "--vary", "wall_mm=0.4..0.8:200",
                "--workers", "2", "--out", str(tmp_path / "t.csv")]  # fmt: skip
@@ -223,12 +219,11 @@ def test_ctrl_c_while_a_pool_of_workers_holds_its_locks_ends_the_sweep(
 ) -> None:
     """At that line of those in which the main thread looks after Python's futures."""
     (tmp_path / "script.py").write_text(INTERRUPTED)
-    command = [sys.executable, "script.py", str(line), "sweep", "TIHA", "--workers", "2"]
-    command += ["--vary", "wall_mm=0.4..0.8:4", "--model", "small", "--accuracy", "20"]
-    ended = subprocess.run(
-        [*command, "--out", "t.csv"], cwd=tmp_path, capture_output=True, text=True, timeout=120
-    )
-    assert (ended.returncode, "points are kept" in ended.stderr) == (5, True), ended.stderr
+    ended = python(
+        "script.py", str(line), "sweep", "TIHA", "--workers", "2", "--vary", "wall_mm=0.4..0.8:4",
+        "--model", "small", "--accuracy", "20", "--out", "t.csv", cwd=tmp_path, status=5,
+    )  # fmt: skip
+    assert "points are kept" in ended.stderr
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
@@ -275,7 +270,6 @@ def test_a_log_that_is_none_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".h5"])
 def test_a_column_may_hold_words_and_numbers(tmp_path: Path, ending: str) -> None:
-    """After all was solved the table could not be written."""
     out = tmp_path / f"t{ending}"
     held = {"point": [0, 1], "bonded": ["true", 1.0], "model": ["finite", None], "seed": 0}
     write(pd.DataFrame(held | {"reason": ""}), out)
@@ -292,15 +286,15 @@ def test_switches_are_taken_from_python(tmp_path: Path) -> None:
     bonded, free = table["force_n"]
     assert bonded > free
     with pytest.raises(ConfigError, match="--workers -1"):
-        sweep("TI", vary, out=tmp_path / "b.csv", workers=-1, **FAST)  # type: ignore[arg-type]
+        sweep("TI", vary, out=tmp_path / "b.csv", workers=-1, **FAST)
 
 
 def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
-    listed = sweep("TIHA", {"wall_mm": [0.5, 0.6]}, out=tmp_path / "a.csv", workers=1, **FAST)  # type: ignore[arg-type]
-    ranged = sweep("TIHA", {"wall_mm": "0.5..0.6:2"}, out=tmp_path / "b.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    listed = sweep("TIHA", {"wall_mm": [0.5, 0.6]}, out=tmp_path / "a.csv", workers=1, **FAST)
+    ranged = sweep("TIHA", {"wall_mm": "0.5..0.6:2"}, out=tmp_path / "b.csv", workers=1, **FAST)
     pd.testing.assert_frame_equal(without_time(listed), without_time(ranged), check_exact=True)
     spaced = np.linspace(0.5, 0.6, 2)
-    made = sweep("TIHA", {"wall_mm": spaced}, x_mm=32.0, out=tmp_path / "d.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    made = sweep("TIHA", {"wall_mm": spaced}, x_mm=32.0, out=tmp_path / "d.csv", workers=1, **FAST)
     pd.testing.assert_frame_equal(without_time(listed), without_time(made), check_exact=True)
     (one,) = sweep("TIHA", {"wall_mm": -1.0}, out=tmp_path / "e.csv", workers=1)["reason"]
     assert one == "inclusion.0.artery.wall_mm = -1.0: must be greater than 0"
@@ -309,7 +303,6 @@ def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
 
 
 def test_rows_of_a_log_that_does_not_say_whose_they_are_are_not_taken(tmp_path: Path) -> None:
-    """A full disk may cut the first line short; what follows may be another sweep's."""
     row = json.dumps({"point": 0, "rows": [{"point": 0, "force_n": 99.0, "reason": ""}]})
     (tmp_path / "a.rows.jsonl").write_text('{"swe\n' + row + "\n")
     with pytest.raises(ConfigError, match="first line is cut short; remove it"):

@@ -1,4 +1,4 @@
-"""The charts' cells and verdicts."""
+"""The charts' cells and verdicts, and FElupe, which shares nothing with our solver but the mesh."""
 
 import subprocess
 import sys
@@ -16,10 +16,13 @@ from matplotlib.figure import Figure
 from probe.studies.charts import stability
 from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
+from probe.studies.charts.peers import felupe_forces
 from probe.studies.charts.speed_accuracy import pareto, spent_s
 from probe.studies.charts.stability import chart, draw, judge
+from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.models.press import CannotSolve, Press, press
 from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 
 def test_at_least_1000_cells_that_are_all_scenes() -> None:
@@ -35,15 +38,12 @@ def cell_of(family: str, row: str, value: str) -> Cell:
     return next(c for c in cells() if (c.family, c.row, c.value) == (family, row, value))
 
 
-@pytest.mark.parametrize(
-    ("family", "row", "value"),
-    [
-        ("contrast", "TIT, stress", "10000"),
-        ("cover [mm]", "TIT, stress", "0.3"),
-        ("finger at x [mm]", "cylinder, stress", "1"),
-        ("way of loading: depth [mm]", "reversal, stress", "1"),
-    ],
-)
+@pytest.mark.parametrize("family, row, value", [
+    ("contrast", "TIT, stress", "10000"),
+    ("cover [mm]", "TIT, stress", "0.3"),
+    ("finger at x [mm]", "cylinder, stress", "1"),
+    ("way of loading: depth [mm]", "reversal, stress", "1"),
+])  # fmt: skip
 def test_hard_cells_agree_with_an_independent_solution(family: str, row: str, value: str) -> None:
     judged = judge(cell_of(family, row, value))
     assert judged["verdict"] == "solved", judged
@@ -73,8 +73,7 @@ def test_an_unstable_answer_that_is_stated_is_wrong(monkeypatch: pytest.MonkeyPa
 def test_a_difference_on_a_coarse_mesh_alone_is_for_another_element(
     second: float | None, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first element is far off on its coarse mesh and finds nothing on its finer one; the
-    second one finds ``second`` times the answer, or nothing."""
+    """The first element is far off; the second finds ``second`` times the answer, or nothing."""
 
     def independent(_cell: Cell, _scene: Scene, element: str, finer: int) -> tuple[float, ...]:
         factor = {("Q8R", 1): 2.0, ("Q8R", 2): None}.get((element, finer), second)
@@ -175,3 +174,22 @@ def test_a_chart_that_is_broken_off_keeps_its_rows(tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "charts" / "stability.csv")
     assert table["cell"].tolist() == [1, 2]
     assert said == [f"2 rows are kept in {tmp_path / 'charts' / 'stability.csv'}"]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # FElupe's use of its dependencies
+def test_felupe_agrees_on_force_and_pulse(monkeypatch: pytest.MonkeyPatch) -> None:
+    felupe = pytest.importorskip("felupe")
+    monkeypatch.setattr(felupe.NeoHooke, "chunksize", 256, raising=False)
+    scene = load_scene("TIHA").model_copy(update={"plane": "strain"})
+    place = 32e-3, 1e-3, [80 * PA_PER_MMHG, 120 * PA_PER_MMHG], 2e-3
+    theirs, _ = felupe_forces(scene, *place)
+    _, found = solve_finite(scene, *place, "Q4M")
+    ours = [one.force_n_per_m for one in found]
+    assert ours == pytest.approx(theirs, rel=2e-3)
+    assert ours[1] - ours[0] == pytest.approx(theirs[1] - theirs[0], rel=0.02)
+
+
+def test_plane_stress_is_not_compared() -> None:
+    pytest.importorskip("felupe")
+    with pytest.raises(ValueError, match="plane strain"):
+        felupe_forces(load_scene("TIHA"), 32e-3, 1e-3, [0.0], 2e-3)
