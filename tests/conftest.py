@@ -1,6 +1,4 @@
-"""Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts; that
-a child of a test can be ended by Ctrl-C; that nothing is imported while a test has put a stand-in
-in its place; that no thread waits while all that tests import is looked through for garbage."""
+"""Shared by all tests: what is imported first, tissue that needs no finite elements, and Qt."""
 
 import gc
 import signal
@@ -27,11 +25,8 @@ WINDOWS = ROOT / "tests" / "probe" / "gui"
 
 
 def import_all() -> None:
-    """All modules are there before a test replaces a function in one: a module that is imported
-    later, by the test itself, would keep the stand-in for all tests that come after.
-
-    Windows come last: Qt looks into the source of all that is imported after it, for 2 of 6 s.
-    """
+    """All modules, before a test replaces a function that one of them would keep. Windows come
+    last: Qt looks into the source of all that is imported after it, for 2 of 6 s."""
     packages = ("calibration", "drivers", "palpate", "probe", "sim_backend")
     files = (file for package in packages for file in (ROOT / package).rglob("*.py"))
     for file in sorted(files, key=lambda file: (WINDOWS.name in file.parts, file)):
@@ -62,10 +57,7 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no worker is left with one at the end.
-
-    Whole files, so that what a file's tests share is made once.
-    """
+    """Files with slow tests first, as a whole, so that what a file's tests share is made once."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
 
@@ -103,7 +95,6 @@ class Winkler:
 
     def shares(self, _x_m: float, depth_m: Array, _pressure_pa: Array) -> Array:
         """More to the right in each row."""
-        assert self.array is not None
         row = np.arange(1.0, self.array.columns + 1)
         one = np.tile(row / (row.sum() * self.array.rows), (self.array.rows, 1))
         return np.broadcast_to(one, (*np.shape(depth_m), *one.shape))

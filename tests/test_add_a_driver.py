@@ -3,11 +3,11 @@
 import os
 import re
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from programs import python
 
 DOC = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "add-a-driver.md"
 FENCE = re.compile(r"^```(?:python|toml)\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -35,11 +35,10 @@ def package(tmp_path: Path) -> Path:
 
 
 def contract(package: Path, driver: str, bench: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",
-         f"--palpate-driver={driver}", f"--palpate-bench=acme_bench:{bench}"],
-        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
-        capture_output=True, text=True, timeout=240, check=False,
+    return python(
+        "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--palpate-driver={driver}",
+        f"--palpate-bench=acme_bench:{bench}", cwd=package,
+        env=os.environ | {"PYTHONPATH": str(package)},
     )  # fmt: skip
 
 
@@ -49,10 +48,9 @@ def test_it_takes_less_than_sixty_lines(package: Path, name: str) -> None:
     assert len(code) < 60
 
 
-@pytest.mark.parametrize(
-    ("driver", "bench", "outcome"),
-    [("acme", "bench", "7 passed, 6 skipped"), ("acme-table", "table", "6 passed, 7 skipped")],
-)
+@pytest.mark.parametrize("driver, bench, outcome", [
+    ("acme", "bench", "7 passed, 6 skipped"), ("acme-table", "table", "6 passed, 7 skipped"),
+])  # fmt: skip
 def test_it_keeps_the_contract(package: Path, driver: str, bench: str, outcome: str) -> None:
     """Those that are skipped are of the other kind."""
     ran = contract(package, driver, bench)
@@ -60,15 +58,12 @@ def test_it_keeps_the_contract(package: Path, driver: str, bench: str, outcome: 
     assert outcome in ran.stdout, ran.stdout
 
 
-@pytest.mark.parametrize(
-    ("file", "right", "wrong", "driver", "bench"),
-    [
-        ("acme_table.py", "for axis, place in places_mm.items())",
-         "for axis, place in ({'x': 0, 'y': 0, 'z': 0} | places_mm).items())",
-         "acme-table", "table"),
-        ("acme_gauge.py", "[Sample(middle_s,", "[Sample(middle_s - self.began_s,", "acme", "bench"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("file, right, wrong, driver, bench", [
+    ("acme_table.py", "for axis, place in places_mm.items())",
+     "for axis, place in ({'x': 0, 'y': 0, 'z': 0} | places_mm).items())",
+     "acme-table", "table"),
+    ("acme_gauge.py", "[Sample(middle_s,", "[Sample(middle_s - self.began_s,", "acme", "bench"),
+])  # fmt: skip
 def test_a_mistake_that_its_emulated_device_shares_is_noticed(
     package: Path, file: str, right: str, wrong: str, driver: str, bench: str
 ) -> None:

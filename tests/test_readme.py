@@ -1,8 +1,4 @@
-"""A first-time user's path: the README's commands, from a wheel in a fresh environment.
-
-Every ``$ palpate`` line of the README is run in the order it stands there, in an empty folder that
-holds the README's own rig file as ``rig.toml``; its Python example runs after them.
-"""
+"""The README's commands and example in their order, from a wheel in a fresh environment."""
 
 import os
 import re

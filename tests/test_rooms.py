@@ -81,11 +81,10 @@ def test_nothing_private_of_another_room_is_used(file: Path) -> None:
     assert strangers(file, file.read_text("utf-8")) == []
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["from probe.storage.writer import _powers", "store._connection.close()",
-     "monkeypatch.setattr('probe.storage.writer._powers', None)"],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    "from probe.storage.writer import _powers", "store._connection.close()",
+    "monkeypatch.setattr('probe.storage.writer._powers', None)",
+])  # fmt: skip
 def test_a_test_that_does_is_seen(text: str) -> None:
     assert {"_powers", "_connection"} <= set(homes())
     assert len(strangers(ROOT / "tests" / "probe" / "gui" / "test_x.py", text)) == 1

@@ -88,7 +88,6 @@ def test_the_board_speaks_grbl() -> None:
 
 
 def test_the_arm_feels_the_world() -> None:
-    """All that the emulated controller asks of a phantom is asked of the campaign's own truth."""
     tip = World(Bed(), time.monotonic(), DEEP)
     arm = Robot(cast(Any, Tip(tip, Board(tip))), Mounting(), 0.0, 0, 0.002)
     time.sleep(0.01)
@@ -193,16 +192,13 @@ def test_the_judge_finds_a_station_that_was_somewhere_else(monkeypatch: pytest.M
     assert any("off its place" in text for text in simulated.run_draw(drawn)["wrong"])
 
 
-@pytest.mark.parametrize(
-    ("status", "answer", "said", "found"),
-    [
-        (None, None, "", "hangs"),
-        (70, None, "This is a mistake in palpate itself", "a bug"),
-        (0, {"finish": "faulted"}, "", "but faulted"),
-        (137, None, "", "killed"),
-        (3, None, "guard: the process that guards did not come up", "never began"),
-    ],
-)
+@pytest.mark.parametrize("status, answer, said, found", [
+    (None, None, "", "hangs"),
+    (70, None, "This is a mistake in palpate itself", "a bug"),
+    (0, {"finish": "faulted"}, "", "but faulted"),
+    (137, None, "", "killed"),
+    (3, None, "guard: the process that guards did not come up", "never began"),
+])  # fmt: skip
 def test_the_judge_reads_status_and_words(
     status: int | None, answer: dict[str, str] | None, said: str, found: str
 ) -> None:
@@ -261,14 +257,11 @@ def test_a_strike_that_finds_no_memory_is_no_mistake_of_the_scan(
     os.close(heard)
 
 
-@pytest.mark.parametrize(
-    ("files", "both"),
-    [
-        (["out/a.run", "out/a.run.control", "second/b.run"], True),
-        (["out/a.run", "out/a.run.control"], False),
-        (["out/a.run", "second/b.run"], False),
-    ],
-)
+@pytest.mark.parametrize("files, both", [
+    (["out/a.run", "out/a.run.control", "second/b.run"], True),
+    (["out/a.run", "out/a.run.control"], False),
+    (["out/a.run", "second/b.run"], False),
+])  # fmt: skip
 def test_a_second_program_may_drive_once_the_run_has_ended(
     files: list[str], both: bool, tmp_path: Path
 ) -> None:

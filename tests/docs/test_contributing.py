@@ -1,9 +1,17 @@
-"""CONTRIBUTING's table of questions leads to files that are there, and to what is asked for."""
+"""CONTRIBUTING's questions and the pages of files and findings lead to what is there."""
 
 import re
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
+from known_presses import recording, row
 from paths import ROOT
+from programs import python
+
+from probe.cli.finding import finding_json
+from probe.detection import compare, detect
 
 ROWS = re.findall(r"^\| (.+\?) \| (.+) \|$", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
 PACKAGES = ("palpate", "probe", "sim_backend", "drivers", "calibration")
@@ -81,11 +89,35 @@ def test_the_answer_holds_what_is_asked_for(question: str, answer: str) -> None:
 
 
 def test_every_room_is_named() -> None:
-    """The table of rooms has each folder of a package, and none that is gone."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     for package in ("probe", "sim_backend"):
         said = re.search(rf"^\| `{package}`.*?\| (.+) \|$", text, re.M)
-        assert said is not None
         named = set(re.findall(r"`(\w+)`", said.group(1)))
         there = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
         assert named == there
+
+
+def test_the_page_is_that_of_the_files() -> None:
+    page = ROOT / "docs" / "reference" / "files.md"
+    printed = python(ROOT / "docs" / "files.py", "--print", encoding="utf-8", status=0).stdout
+    assert page.read_text(encoding="utf-8") == printed, "run: python docs/files.py"
+
+
+def named(table: str) -> set[str]:
+    """Keys in the first column of a table of the page."""
+    return {
+        key for line in table.splitlines() for key in re.findall(r"`(\w+)`", line.split(" | ")[0])
+    }
+
+
+def test_every_key_is_explained() -> None:
+    scan = recording(row(np.random.default_rng(2), bump=0.15, pulse_pa=400.0))
+    page = (ROOT / "docs" / "reference" / "findings.md").read_text()
+    whole, objects, stations, compared = re.findall(r"(?:^\|.*\n)+", page, re.MULTILINE)
+    found = detect(scan)
+    vessel = replace(found.objects[0], course=((0.0, 0.0),), stenosed_m=(0.0, 0.0))
+    printed = replace(found, objects=(vessel,)).as_json()
+    assert named(whole) == set(finding_json(Path("a.run"), scan, 0.0))
+    assert named(objects) == set(printed["objects"][0])
+    assert named(stations) == set(printed["stations"][0])
+    assert named(compared) == set(compare(scan, scan).as_json()) | {"simulated"}

@@ -24,8 +24,6 @@ TYPED = {"explanation/studies.md": 2, "how-to/calibration.md": 4, "how-to/window
 
 def load() -> ModuleType:
     spec = importlib.util.spec_from_file_location("docs_figures", DOCS / "figures.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -39,15 +37,14 @@ def test_every_figure_of_a_page_was_measured(page: Path) -> None:
     assert "{{" not in FILL.filled(page.read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    ['{{ figure("paper.no_such_key") }}', '{{ figure("no_such_result.x") }}',
-     '{{ table("demo") }}', '{{ number("paper.presses") }}', '{{ kept("no_such_result") }}',
-     '{{ counts("six-scenes", "scene", "no_such_column") }}',
-     '{{ greatest("device-faults", "device", "no_such_column") }}',
-     '{{ spread("windows", "what", "no_such_column") }}',
-     '{{ rows("guard-latency", "no_such_column") }}'],
-)  # fmt: skip
+@pytest.mark.parametrize("wrong", [
+    '{{ figure("paper.no_such_key") }}', '{{ figure("no_such_result.x") }}',
+    '{{ table("demo") }}', '{{ number("paper.presses") }}', '{{ kept("no_such_result") }}',
+    '{{ counts("six-scenes", "scene", "no_such_column") }}',
+    '{{ greatest("device-faults", "device", "no_such_column") }}',
+    '{{ spread("windows", "what", "no_such_column") }}',
+    '{{ rows("guard-latency", "no_such_column") }}',
+])  # fmt: skip
 def test_a_number_that_nothing_backs_stops_the_build(wrong: str) -> None:
     with pytest.raises(FILL.NoFigure):
         FILL.filled(f"It takes {wrong}.")
@@ -129,12 +126,10 @@ def test_no_more_numbers_are_typed_by_hand(page: str) -> None:
 
 
 def test_the_readme_shows_what_a_scan_prints() -> None:
-    """Every line of the README's scan is one of the stored scan."""
     printed = json.loads((DOCS / "figures" / "demo.json").read_text(encoding="utf-8"))
     known = {" ".join(line.split()) for line in printed["data"]["printed"].splitlines()}
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     block = re.search(r"\$ palpate scan --scene TIHA --seed 1\n(.*?)```", readme, re.DOTALL)
-    assert block is not None
     lines = [" ".join(line.split()) for line in block[1].splitlines() if line.strip()]
     strange = [
         line for line in lines

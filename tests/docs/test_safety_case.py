@@ -1,5 +1,4 @@
-"""Every sentence of the safety case has a test that fails when it is false, and its numbers are the
-code's. What a sentence only explains, or asks of a person, is listed with no test."""
+"""Every sentence of the safety case is listed, with the tests that fail when it is false."""
 
 import re
 from functools import cache

@@ -4,8 +4,6 @@ import html
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import pytest
 import typer.main
 from paths import ROOT
+from programs import python
 
 import palpate
 from drivers import available, settings_of
@@ -30,7 +29,7 @@ ELSEWHERE = {
     "windows.md": "tests/probe/gui",
 }
 """Pages whose commands and code have tests of their own."""
-MINUTES = {"chart": "tests/probe/studies/charts", "fleet": "tests/probe/studies/test_fleet.py"}
+MINUTES = {"chart": "tests/probe/studies/charts", "fleet": "tests/probe/studies/test_vary.py"}
 """Commands that take minutes as shown; their own tests run smaller ones."""
 RUN_OF_PAGES = "TIHA-20260101-120000.run"
 BLOCK = re.compile(r"^( *)```(\w+)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
@@ -53,11 +52,7 @@ def commands(page: Path) -> list[list[str]]:
 def _site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("mkdocs", reason="mkdocs is not installed (extra: docs)")
     folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
-        cwd=ROOT, capture_output=True, text=True, check=False, timeout=280,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr[-3000:]
+    python("-m", "mkdocs", "build", "--strict", "--site-dir", folder, cwd=ROOT, status=0)
     return folder
 
 
@@ -71,7 +66,6 @@ def test_the_site_builds_without_a_warning_and_names_every_command(_site: Path) 
 
 
 def test_a_scan_that_a_page_shows_is_planned_within_its_limits(_site: Path) -> None:
-    """What is copied from there may be scanned."""
     generated = (_site / "reference" / "rig-file.html").read_text(encoding="utf-8")
     made = re.findall(r"<code>(.*?)</code>", generated, re.DOTALL)
     shown = [html.unescape(re.sub(r"<[^>]+>", "", one)) for one in made]
@@ -102,7 +96,6 @@ def test_pages_are_whole_without_a_network(_site: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(DOCS)))
 def test_every_command_shown_is_one(page: Path) -> None:
-    """Its name, options and arguments are taken by the command line."""
     group: Any = typer.main.get_command(build())
     context = group.make_context("palpate", [], resilient_parsing=True)
     for said in commands(page):
@@ -197,7 +190,6 @@ def globals_for(page: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["rig-file", "cli", "api", "scene-file", "findings"])
 def test_no_cell_of_a_reference_page_is_empty(name: str, _site: Path) -> None:
-    """35 of 39 keys of the rig file had no word of what they are, and devices' keys none at all."""
     text = (_site / "reference" / f"{name}.html").read_text(encoding="utf-8")
     rows = re.findall(r"<tr.*?</tr>", text, re.DOTALL)
     assert len(rows) > 4

@@ -21,14 +21,12 @@ def scan() -> palpate.Recording:
 
 
 def test_a_seed_and_a_label_of_numpy_are_kept_in_the_run(tmp_path: Path, winkler: Any) -> None:
-    labels: Any = {"specimen": np.int64(7)}
-    seed: Any = np.int64(3)
-    done = palpate.scan(RIG, "TIHA", tmp_path, seed=seed, labels=labels, respond=winkler)
+    labels = {"specimen": np.int64(7)}
+    done = palpate.scan(RIG, "TIHA", tmp_path, seed=np.int64(3), labels=labels, respond=winkler)
     config = palpate.open_run(done.path).config
     assert (config["seed"], config["labels"]["specimen"]) == (3, "7")
-    half: Any = 1.5
     with pytest.raises(palpate.ConfigError, match=r"seed = 1\.5: must be an integer"):
-        palpate.scan(RIG, "TIHA", tmp_path, seed=half, respond=winkler)
+        palpate.scan(RIG, "TIHA", tmp_path, seed=1.5, respond=winkler)
 
 
 def test_pressures_are_numbers_of_any_kind_and_no_text() -> None:
@@ -50,9 +48,7 @@ def test_a_press_goes_to_another_process() -> None:
 def test_a_changed_copy_is_checked_as_a_file_is() -> None:
     scene = palpate.load_scene("TIHA")
     tissue = scene.tissue
-    assert tissue is not None
     softer = scene.model_copy(update={"tissue": tissue.model_copy(update={"modulus_kpa": 30.0})})
-    assert softer.tissue is not None
     assert softer.tissue.modulus_kpa == 30.0
     for wrong in ({"modulus_kpa": -30.0}, {"modulus_kpa": "30"}, {"modulus_pka": 30.0}):
         with pytest.raises(ValidationError):
@@ -82,16 +78,13 @@ def test_times_in_milliseconds_are_asked_about(scan: palpate.Recording) -> None:
     assert "Are its times in seconds?" in str(found)
 
 
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: palpate.Rig(scan={"stations": -1}), r"^scan\.stations = -1: must be greater"),
-        (lambda: palpate.Rig(scan={"pitch": 4}), r"^scan\.pitch = 4: .*did you mean pitch_mm"),
-        (lambda: palpate.Rig(face=3), r"^face = 3: unknown key"),
-        (lambda: palpate.Scene(name="bare"), r"^without a \[tissue\] table"),
-        (lambda: palpate.Scene(name="thin", tissue={"width_mm": -1}), r"^tissue\.width_mm = -1"),
-    ],
-)
+@pytest.mark.parametrize("make, said", [
+    (lambda: palpate.Rig(scan={"stations": -1}), r"^scan\.stations = -1: must be greater"),
+    (lambda: palpate.Rig(scan={"pitch": 4}), r"^scan\.pitch = 4: .*did you mean pitch_mm"),
+    (lambda: palpate.Rig(face=3), r"^face = 3: unknown key"),
+    (lambda: palpate.Scene(name="bare"), r"^without a \[tissue\] table"),
+    (lambda: palpate.Scene(name="thin", tissue={"width_mm": -1}), r"^tissue\.width_mm = -1"),
+])  # fmt: skip
 def test_rigs_and_scenes_made_in_python_are_refused_in_a_files_words(make: Any, said: str) -> None:
     with pytest.raises((palpate.RigError, palpate.SceneError), match=said) as refused:
         make()

@@ -1,14 +1,12 @@
 """Scripts without an ``if __name__ == "__main__"`` guard: each runs once, from its first line.
 
-The guards, their workers and the solver's second process are started by each; a worker that ran the
-script again would say "begun" again, or start scans without end.
+A worker that ran the script again would say "begun" again, or start scans without end.
 """
 
-import subprocess
-import sys
 from pathlib import Path
 
 from grbl_ft300 import DEVICES
+from programs import python
 
 from drivers import WallClock
 from sim_backend import load_scene
@@ -58,11 +56,8 @@ def run(folder: Path, script: str, rig: str) -> list[str]:
     (folder / "rig.toml").write_text(rig + PRESS)
     (folder / "block.toml").write_text(BLOCK)
     (folder / "script.py").write_text(CHILDREN + script)
-    done = subprocess.run(
-        [sys.executable, "script.py"], cwd=folder, capture_output=True, text=True, timeout=280,
-        check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
+    done = python("script.py", cwd=folder, status=0)
+    assert not done.stderr
     return done.stdout.splitlines()
 
 

@@ -2,12 +2,12 @@
 
 import shutil
 import subprocess
-import sys
 import tarfile
 from pathlib import Path
 
 import pytest
 from paths import ROOT
+from programs import python
 
 HELD = (
     "CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "docs/index.md", "docs/generate.py",
@@ -29,7 +29,7 @@ def test_it_holds_changelog_docs_rigs_examples_and_tests(tmp_path: Path) -> None
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, source / name)
     code = f"import setuptools.build_meta as b; b.build_sdist({str(tmp_path)!r})"
-    subprocess.run([sys.executable, "-c", code], cwd=source, capture_output=True, check=True)
+    python("-c", code, cwd=source, status=0)
     (made,) = tmp_path.glob("palpate-*.tar.gz")
     with tarfile.open(made) as packed:
         held = {name.partition("/")[2] for name in packed.getnames()}

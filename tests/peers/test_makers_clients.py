@@ -1,19 +1,14 @@
-"""The emulated controllers against the makers' own client libraries, which share nothing with us.
-
-Opt-in: `make test-peers` installs them. What an emulator answers is thereby what the maker's
-library takes for a device, not what our driver expects.
-"""
-
-import time
-from collections.abc import Callable
+"""The emulated controllers against the makers' own client libraries (`make test-peers`)."""
 
 import pytest
+from waiting import until
 
 from drivers import WallClock
 from sim_backend import load_scene
 from sim_backend.emulators import pi, tmcl, zaber
 from sim_backend.phantom.phantom import Phantom, Respond
 
+WITHIN_S = 10.0
 HOME = (0.032, 0.0, 0.002)
 TCP = "socket://127.0.0.1:0"
 
@@ -24,15 +19,8 @@ def phantom(winkler: Respond) -> Phantom:
 
 
 def rests_at(phantom: Phantom, x_m: float) -> None:
-    wait_for(lambda: not phantom.tip.moving(phantom.clock.now()))
+    until(lambda: not phantom.tip.moving(phantom.clock.now()), WITHIN_S)
     assert phantom.tip.point(phantom.clock.now()) == pytest.approx((x_m, 0.0, 0.002), abs=1e-6)
-
-
-def wait_for(ready: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + 10.0
-    while not ready():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 def test_zaber_motion_moves_stops_and_homes_it(phantom: Phantom) -> None:
@@ -85,18 +73,18 @@ def test_pipython_moves_stops_and_references_it(phantom: Phantom) -> None:
             assert error.value.val == 5  # not referenced, or servo off
             device.SVO(["1", "2", "3"], [1, 1, 1])
             device.FRF("3")
-            wait_for(lambda: device.qFRF("3")["3"])
+            until(lambda: device.qFRF("3")["3"], WITHIN_S)
             assert device.qPOS("3")["3"] == pytest.approx(0.0, abs=1e-4)
             device.FRF(["1", "2"])
-            wait_for(lambda: all(device.qFRF().values()))
+            until(lambda: all(device.qFRF().values()), WITHIN_S)
             device.VEL("1", 50.0)
             device.MOV({"1": 54.0})
             assert device.IsMoving("1")["1"]
-            wait_for(lambda: device.qONT("1")["1"])
+            until(lambda: device.qONT("1")["1"], WITHIN_S)
             assert device.qPOS("1")["1"] == pytest.approx(54.0, abs=1e-4)
             device.MOV("1", 90.0)
             device.HLT("1", noraise=True)
-            wait_for(lambda: not device.IsMoving("1")["1"])
+            until(lambda: not device.IsMoving("1")["1"], WITHIN_S)
             assert 54.0 < device.qPOS("1")["1"] < 89.0
             with pytest.raises(pipython.GCSError) as error:
                 device.MOV("1", 500.0)
@@ -119,15 +107,15 @@ def test_pytrinamic_moves_stops_and_searches_it(phantom: Phantom) -> None:
             )
             x.move_to(round(54.0 * per_mm), round(20.0 * per_mm))
             assert not x.get_position_reached()
-            wait_for(x.get_position_reached)
+            until(x.get_position_reached, WITHIN_S)
             rests_at(phantom, 0.034)
             x.move_to(round(90.0 * per_mm))
             assert x.get_axis_parameter(x.AP.ActualVelocity, signed=True) > 0
             x.stop()
-            wait_for(lambda: x.get_axis_parameter(x.AP.ActualVelocity, signed=True) == 0)
+            until(lambda: x.get_axis_parameter(x.AP.ActualVelocity, signed=True) == 0, WITHIN_S)
             assert not x.get_position_reached()
             line.reference_search(0, 2, module_id=1)
-            wait_for(lambda: line.reference_search(2, 2, module_id=1) == 0)
+            until(lambda: line.reference_search(2, 2, module_id=1) == 0, WITHIN_S)
             assert z.get_axis_parameter(z.AP.ActualPosition, signed=True) == 0
             line.set_global_parameter(55, 2, -7, module_id=1)
             assert line.get_global_parameter(55, 2, module_id=1, signed=True) == -7
@@ -136,7 +124,6 @@ def test_pytrinamic_moves_stops_and_searches_it(phantom: Phantom) -> None:
 
 
 def test_panda_python_has_what_the_example_uses() -> None:
-    """Names only: there is no arm to connect to."""
     panda = pytest.importorskip("panda_py")
     controllers = pytest.importorskip("panda_py.controllers")
     used = ("get_position", "get_orientation", "start_controller", "stop_controller")

@@ -1,7 +1,4 @@
-"""Our drivers against makers' own controllers: grblHAL's simulator, and URSim in its container.
-
-Opt-in, by what a lab has: docs/reference/devices/README.md says how to get them.
-"""
+"""Our drivers against makers' own controllers (docs/reference/devices/README.md gets them)."""
 
 import math
 import os
@@ -10,10 +7,11 @@ import socket
 import subprocess
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from waiting import until
 
 from drivers import Pose, Stage, WallClock, open_driver
 
@@ -21,15 +19,8 @@ SIMULATOR = os.environ.get("PALPATE_GRBLHAL", "")
 URSIM = os.environ.get("PALPATE_URSIM", "")
 IMAGE = "universalrobots/ursim_e-series:5.20.0"
 DASHBOARD_PORT = 29999
-BOOTS_S, RELEASES_S = 180.0, 60.0
+BOOTS_S, RELEASES_S, ARRIVES_S = 180.0, 60.0, 20.0
 IS_AT = "{{range .NetworkSettings.Networks}}{{.IPAddress}}{{end}}"
-
-
-def wait_for(ready: Callable[[], bool], within_s: float = 20.0) -> None:
-    end_s = time.monotonic() + within_s
-    while not ready():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
 
 
 def there_and_back(stage: Stage, away_m: tuple[float, float, float]) -> None:
@@ -38,16 +29,16 @@ def there_and_back(stage: Stage, away_m: tuple[float, float, float]) -> None:
     x, y, z = (a + b for a, b in zip(start[:3], away_m, strict=True))
     stage.move(start._replace(x=x, y=y, z=z), 0.02)
     assert stage.moving()
-    wait_for(lambda: not stage.moving())
+    until(lambda: not stage.moving(), ARRIVES_S)
     assert stage.pose()[:3] == pytest.approx((x, y, z), abs=1e-4)
     stage.move(start, 0.01)
     time.sleep(0.5)
     stage.stop()
-    wait_for(lambda: not stage.moving())
+    until(lambda: not stage.moving(), ARRIVES_S)
     gone_m = math.dist(stage.pose()[:3], (x, y, z))
     assert 1e-3 < gone_m < math.dist(start[:3], (x, y, z)) - 1e-3
     stage.move(start, 0.02)
-    wait_for(lambda: not stage.moving())
+    until(lambda: not stage.moving(), ARRIVES_S)
     assert stage.pose()[:3] == pytest.approx(start[:3], abs=1e-4)
 
 
@@ -104,13 +95,13 @@ def dashboard(host: str, order: str) -> str:
 
 
 def release_brakes(host: str) -> None:
-    wait_for(lambda: dashboard(host, "robotmode") != "", BOOTS_S)
+    until(lambda: dashboard(host, "robotmode") != "", BOOTS_S)
     if "RUNNING" in dashboard(host, "robotmode"):
         return
     dashboard(host, "power on")
-    wait_for(lambda: "IDLE" in dashboard(host, "robotmode"), RELEASES_S)
+    until(lambda: "IDLE" in dashboard(host, "robotmode"), RELEASES_S)
     dashboard(host, "brake release")
-    wait_for(lambda: "RUNNING" in dashboard(host, "robotmode"), RELEASES_S)
+    until(lambda: "RUNNING" in dashboard(host, "robotmode"), RELEASES_S)
 
 
 def test_ursim_is_read_whole_and_in_order(ursim: str) -> None:
