@@ -16,18 +16,13 @@ from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.area import MIN_PRESSES
 from probe.detection.map.bumps import MIN_STATIONS
-from probe.detection.map.field_objects import (
-    is_field,
-    judged_of,
-    levels_of,
-    objects_in_field,
-    runs_along_rows,
-)
+from probe.detection.map.objects import objects_in
 from probe.detection.map.open_row import least_bump_pa, only_pulses, open_objects
+from probe.detection.map.pressed import in_row, over_area
 from probe.detection.map.row_doubts import DOUBT, beside_named, between_rows, doubtful
-from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.row_shapes import with_edges
-from probe.detection.map.straight_line import or_lines
+from probe.detection.map.rows_or_area import is_area, runs_along_rows
+from probe.detection.map.straight_line import or_lines, unnamed_line
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
@@ -98,17 +93,18 @@ def detect(
         raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0 and finite")
     rows = recording.rows()
     in_rows = _most_places(recording, rows) >= MIN_STATIONS
-    mapped = in_rows or is_field(recording.stations, rows)
+    mapped = in_rows or is_area(recording.stations, rows)
     presses = presses_of(recording, false_alarm / 2 if mapped else false_alarm)
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
     unfinished = recording.finish != "completed"
     least_pa = float("inf")
     moving = _moving(presses)
-    if is_field(recording.stations, judged) or (
+    if is_area(recording.stations, judged) or (
         moving is not None and runs_along_rows(presses, _pitch_m(recording))
     ):
         least_pa = float("nan")
-        objects = objects_in_field(presses, moving, false_alarm)
+        area = over_area(presses)
+        objects = objects_in(area, moving, false_alarm) or unnamed_line(area, false_alarm)
         if unfinished:
             objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
     elif _most_places(recording, judged) >= MIN_STATIONS:
@@ -158,7 +154,7 @@ def _in_rows(
     """
     last = max(range(len(presses)), key=lambda i: presses[i].station.index)
     least_pa: list[float] = []
-    found, lines = [], [line_of(tuple(presses[i] for i in row)) for row in rows if row]
+    found, lines = [], [in_row([presses[i] for i in row]) for row in rows if row]
     for row, line in zip(filter(None, rows), lines, strict=True):
         mine = tuple(presses[i] for i in row)
         is_open = unfinished and last in row
@@ -176,9 +172,9 @@ def _in_rows(
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
-    y_m, judged = [y_m for y_m, _ in found], judged_of(presses)
-    if named and not unfinished and _moving(presses) is None and len(judged) >= MIN_PRESSES:
-        named = or_lines(named, levels_of(judged), y_m)
+    y_m, area = [y_m for y_m, _ in found], over_area(presses)
+    if named and not unfinished and _moving(presses) is None and len(area.level_pa) >= MIN_PRESSES:
+        named = or_lines(named, area.levels(), y_m)
     if named or unfinished:
         return named, shown_pa
     unclear = doubtful(lines, least_pa, y_m, _pitch_m(recording))

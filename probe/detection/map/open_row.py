@@ -6,7 +6,8 @@ from dataclasses import replace
 from drivers.core.arrays import Array
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import least_height
-from probe.detection.map.row_objects import Line, objects_in
+from probe.detection.map.objects import objects_in
+from probe.detection.map.pressed import Pressed
 from probe.detection.map.row_shapes import surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
 from probe.detection.repeats import MIN_NAMED, pitch_m
@@ -19,7 +20,7 @@ OR_BEYOND = "the row is not finished: this lies here or beyond the last station 
 
 
 def open_objects(
-    line: Line, pulse: float | None, false_alarm: float, end_x_m: float
+    line: Pressed, pulse: float | None, false_alarm: float, end_x_m: float
 ) -> list[ObjectFinding]:
     """`objects_in` a row whose last station so far is at ``end_x_m``.
 
@@ -28,7 +29,7 @@ def open_objects(
     open end, and every one of a row that has fewer stations than show a bump beside what may
     follow, is undecided.
     """
-    found = objects_in(line, pulse, false_alarm, with_edges)
+    found = objects_in(line, pulse, false_alarm, with_edges(line.x_m))
     pitch = pitch_m(line.x_m) if len(line.x_m) > 1 else 0.0
     short = len(line.x_m) < MIN_NAMED
     begin_m, end_m = sorted(line.x_m[[0, -1]].tolist(), key=lambda x: -abs(x - end_x_m))
@@ -43,7 +44,7 @@ def open_objects(
     return settled
 
 
-def _towards(end_m: float, ends_m: tuple[float, float], line: Line) -> tuple[float, float]:
+def _towards(end_m: float, ends_m: tuple[float, float], line: Pressed) -> tuple[float, float]:
     """An interval that also holds if the block goes on beyond the open end: its middle, to which
     what is squeezed aside belongs, may then lie there."""
     low, high = ends_m
@@ -53,7 +54,7 @@ def _towards(end_m: float, ends_m: tuple[float, float], line: Line) -> tuple[flo
     return max(low - aside, end_m), high
 
 
-def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]:
+def only_pulses(objects: list[ObjectFinding], line: Pressed) -> list[ObjectFinding]:
     """``objects`` of a finished row. In one of fewer than `MIN_NAMED` stations a lump cannot be
     distinguished from a block's end or from the flank of what lies beyond, and is undecided."""
     count = len(line.x_m)
@@ -70,7 +71,7 @@ def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]
 
 
 def least_bump_pa(
-    line: Line, false_alarm: float, under: Callable[[Array], Array] = surroundings
+    line: Pressed, false_alarm: float, under: Callable[[Array], Array] = surroundings
 ) -> float:
     """The bump of the level map that most such rows would show; infinite where none could."""
     return least_height(line.levels(under(line.x_m)), false_alarm / 2)

@@ -7,7 +7,7 @@ from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps
-from probe.detection.map.row_objects import Line
+from probe.detection.map.pressed import Pressed
 from probe.detection.map.row_shapes import level_of, shape, surroundings, with_edges
 from probe.detection.map.seen_map import weighted
 from probe.detection.map.vessel_tracking import across_rows
@@ -24,7 +24,7 @@ share of what a tilt leaves of the rows' levels, squared, that is left without t
 is curved as much in 6 % of four rows and in none of more."""
 
 
-def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[ObjectFinding]:
+def beside_named(line: Pressed, named: list[ObjectFinding], chance: float) -> list[ObjectFinding]:
     """``named``, the objects of a finished row, and what is stiffer far beside them, undecided,
     where it has a ``chance`` of being none: two bumps have as many unknowns as a short row has
     stations, and neither is clear. The level's shape at what was named is taken to be known.
@@ -48,14 +48,14 @@ def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[
     return named
 
 
-def _left(line: Line, base: Array) -> float:
+def _left(line: Pressed, base: Array) -> float:
     """What ``base`` leaves of a row's level, weighted and squared."""
     *_, left = weighted(line.levels(base), [])
     return float(left @ left)
 
 
 def doubtful(
-    lines: list[Line], least_pa: list[float], y_m: list[float], station_m: float
+    lines: list[Pressed], least_pa: list[float], y_m: list[float], station_m: float
 ) -> list[ObjectFinding]:
     """Of finished rows at ``y_m`` without an object: what a lump could be, undecided, where a row
     would not show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`; ``station_m``: the
@@ -93,7 +93,7 @@ def doubtful(
     return bumps_found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
 
 
-def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
+def between_rows(lines: list[Pressed], y_m: list[float]) -> list[ObjectFinding]:
     """Of finished rows at ``y_m`` (n,) that show nothing: that one differs from a tilted surface
     through the others by as much as a lump, undecided: what lies along it is in no row a bump.
 
@@ -124,7 +124,7 @@ def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
     )]  # fmt: skip
 
 
-def _doubted(line: Line, x_m: float, height_pa: float, words: str) -> ObjectFinding:
+def _doubted(line: Pressed, x_m: float, height_pa: float, words: str) -> ObjectFinding:
     at = int(np.argmin(np.abs(line.x_m - x_m)))
     return ObjectFinding(
         "undecided", x_m, (float(line.x_m[0]), float(line.x_m[-1])), height_pa,
@@ -134,7 +134,7 @@ def _doubted(line: Line, x_m: float, height_pa: float, words: str) -> ObjectFind
     )  # fmt: skip
 
 
-def _bent(line: Line) -> tuple[float, float]:
+def _bent(line: Pressed) -> tuple[float, float]:
     """How high a bump in the middle, two station distances wide, bends a row as this one is bent,
     and its standard deviation [Pa]: of a short row it is the level's curvature."""
     x_m, sd = line.x_m, line.level_sd_pa

@@ -12,11 +12,11 @@ from probe.detection.classify.kinds import ELSE, MIN_POSTERIOR, PRIOR
 from probe.detection.finding import ObjectFinding, stated
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
+from probe.detection.map.pressed import Pressed
 from probe.detection.map.rivals import TURNS_RAD, directions, rises_anywhere
 from probe.detection.map.row_doubts import LUMP_SHARE
 from probe.detection.map.row_shapes import level_of, shape, step
 from probe.detection.map.seen_map import Map, bump_at, explained, weighted
-from probe.detection.pulse.presses import Press
 
 MIN_POINTS = 3
 """Of a course: two are always on a line."""
@@ -28,15 +28,16 @@ SWEEPS = 2
 """Through all lumps of a grid, each fitted beside what the others were fitted as."""
 
 
-def unnamed_line(judged: Sequence[Press], levels: Map, false_alarm: float) -> list[ObjectFinding]:
+def unnamed_line(pressed: Pressed, false_alarm: float) -> list[ObjectFinding]:
     """What is as high as a lump in a map without bumps, but straight, undecided."""
+    levels = pressed.levels()
     p_value, height_pa = _straight_rise(levels) if levels.spacing_m > 0 else (1.0, 0.0)
     if p_value > false_alarm or abs(height_pa) < LUMP_SHARE * level_of(levels.value):
         return []
     x_m, word = levels.place_m[:, 0], "stiffer" if height_pa > 0 else "softer"
     return [ObjectFinding(
         "undecided", float(np.median(x_m)), (float(x_m.min()), float(x_m.max())), height_pa,
-        float(np.median([p.size_pa for p in judged])), 0.0,
+        float(np.median(pressed.pulse_pa)), 0.0,
         f"no pulse; {abs(height_pa):.0f} Pa {word} along a straight line or on one side of it, as "
         "over a bone, a tendon or a step of the surface: press as deep from where the surface is "
         "at each station, and farther to all sides",

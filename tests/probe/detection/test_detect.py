@@ -10,7 +10,8 @@ from known_presses import recording, row, station
 from drivers.core.arrays import Array
 from probe.detection import detect
 from probe.detection.finding import Finding, ObjectFinding, StationFinding
-from probe.detection.map.row_objects import Line, objects_in
+from probe.detection.map.objects import objects_in
+from probe.detection.map.pressed import Pressed
 from probe.detection.map.row_shapes import shape
 from probe.detection.scan import _reasons
 
@@ -98,11 +99,12 @@ def test_a_reason_of_one_of_several_objects_says_of_which() -> None:
     assert _reasons([one, unsure, alike]) == "hold longer"
 
 
-def line(pulse_pa: list[float], level_pa: Array) -> Line:
+def line(pulse_pa: list[float], level_pa: Array) -> Pressed:
     """A row's maps, pulses known to 15 Pa."""
     n = len(pulse_pa)
-    return Line(4e-3 * np.arange(1, n + 1), level_pa, np.full(n, 30.0), np.array(pulse_pa),
-                np.full(n, 15.0), ((),) * n, 2e-3)  # fmt: skip
+    place_m = 4e-3 * np.arange(1, n + 1)[:, None]
+    return Pressed(place_m, level_pa, np.full(n, 30.0), np.array(pulse_pa), np.full(n, 15.0),
+                   ((),) * n, 2e-3)  # fmt: skip
 
 
 @pytest.mark.parametrize("wrong_pa", [20.0, 116.0, 400.0])
