@@ -17,7 +17,7 @@ from pydantic import Field
 
 from probe.core.recording import Recording, Station
 from probe.deciding.lattice import Lattice
-from probe.detection.finding import Finding, ObjectFinding
+from probe.detection.finding import HEALTHY, Finding, ObjectFinding
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.presses import presses_of
@@ -137,10 +137,10 @@ class CoarseToFine:
         return detect(whole, false_alarm=self._false_alarm)
 
     def _decided(self, one: ObjectFinding) -> bool:
-        if one.kind not in ("artery", "stenotic artery", "tumour"):
+        if not one.is_named:
             return False
         none = sum(one.chances.get(name, 0.0) for name in NONE)
-        return none <= self._false_alarm and (one.kind != "artery" or one.diseased <= self._misses)
+        return none <= self._false_alarm and (one.kind != HEALTHY or one.diseased <= self._misses)
 
     def _points_m(self, one: ObjectFinding) -> list[tuple[float, float]]:
         """Where it lies: along its course, or in each row."""

@@ -16,6 +16,11 @@ from probe.core.finding_words import NORMAL_95, percent
 from probe.core.recording import Recording
 from probe.detection.classify.kinds import MIN_POSTERIOR
 from probe.detection.finding import (
+    HEALTHY,
+    LUMP,
+    NARROWED,
+    UNDECIDED,
+    VESSELS,
     Comparison,
     Diseased,
     Finding,
@@ -28,7 +33,6 @@ from probe.detection.repeats import pitch_m
 from probe.detection.scan import detect
 from probe.storage.run import recording_of
 
-VESSELS = ("artery", "stenotic artery")
 SAME_PRESS = 0.05
 """Difference of depth or face, over the mean, up to which contrasts of two scans compare."""
 
@@ -101,17 +105,17 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
         said = [_only_one(pair) for pair in pairs] or ["neither scan shows anything"]
         return _unknown("; ".join(said) + ": nothing to compare", pairs)
     judged = [(_judged(pair, scans), pair) for pair in pairs if pair.a and pair.b]
-    order = [("A", "B"), ("undecided",), ("neither",)]  # what a person would act on comes first
+    order = [("A", "B"), (UNDECIDED,), ("neither",)]  # what a person would act on comes first
     (diseased, confidence, _), main = next(
         one for names in order for one in judged if one[0][0] in names
     )
     reasons = [said[2] for said, _ in judged] + [_only_one(p) for p in pairs if not (p.a and p.b)]
-    ratios = _ratios(main, scans) if diseased != "undecided" else (nan, nan)
+    ratios = _ratios(main, scans) if diseased != UNDECIDED else (nan, nan)
     return Comparison(diseased, *ratios, stated(confidence), "; ".join(reasons), tuple(pairs))
 
 
 def _unknown(reason: str, pairs: list[ObjectPair] | None = None) -> Comparison:
-    return Comparison("undecided", nan, nan, 0.0, reason, tuple(pairs or ()))
+    return Comparison(UNDECIDED, nan, nan, 0.0, reason, tuple(pairs or ()))
 
 
 def _pairs(a: _Scan, b: _Scan) -> list[ObjectPair]:
@@ -132,7 +136,7 @@ def _pairs(a: _Scan, b: _Scan) -> list[ObjectPair]:
             matched.append((x, y))
             rest_a.remove(x)
             rest_b.remove(y)
-    vessels = [[one for one in rest if one.kind in VESSELS] for rest in (rest_a, rest_b)]
+    vessels = [[one for one in rest if one.is_vessel] for rest in (rest_a, rest_b)]
     if not matched and len(vessels[0]) == len(vessels[1]) == 1:
         matched = [(vessels[0][0], vessels[1][0])]
         rest_a.remove(vessels[0][0])
@@ -179,12 +183,12 @@ def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]
     a, b = pair.a, pair.b
     assert a is not None and b is not None
     kinds = {a.kind, b.kind}
-    still = all(one.chances.get("artery", 1.0) <= 1 - MIN_POSTERIOR for one in (a, b))
-    if "tumour" in kinds and kinds <= {"tumour", "undecided"} and still:
+    still = all(one.chances.get(HEALTHY, 1.0) <= 1 - MIN_POSTERIOR for one in (a, b))
+    if LUMP in kinds and kinds <= {LUMP, UNDECIDED} and still:
         return _lumps(pair, scans)
     if min(_vessel(a), _vessel(b)) < MIN_POSTERIOR:
-        return "undecided", 0.0, f"A shows {_what(a)}, B {_what(b)}: nothing to compare"
-    sick_a, sick_b = (one.chances["stenotic artery"] / _vessel(one) for one in (a, b))
+        return UNDECIDED, 0.0, f"A shows {_what(a)}, B {_what(b)}: nothing to compare"
+    sick_a, sick_b = (one.chances[NARROWED] / _vessel(one) for one in (a, b))
     only: dict[Diseased, float] = {
         "A": sick_a * (1 - sick_b), "B": (1 - sick_a) * sick_b
     }  # fmt: skip
@@ -192,7 +196,7 @@ def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]
     best = max(chances, key=lambda name: chances[name])
     if chances[best] < MIN_POSTERIOR:
         said = ", ".join(f"{name} {percent(stated(p))}" for name, p in chances.items())
-        return "undecided", chances[best], f"whether only one vessel is stenosed is open: {said}"
+        return UNDECIDED, chances[best], f"whether only one vessel is stenosed is open: {said}"
     if best != "neither":
         other = "B" if best == "A" else "A"
         return best, chances[best], f"{best}'s vessel is stenosed, {other}'s is not"
@@ -233,9 +237,9 @@ def _lumps(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
 
 
 def _what(one: ObjectFinding) -> str:
-    if one.kind == "undecided":
+    if not one.is_named:
         return "something undecided"
-    return f"{'an' if one.kind == 'artery' else 'a'} {one.kind}"
+    return f"{'an' if one.kind == HEALTHY else 'a'} {one.kind}"
 
 
 def _only_one(pair: ObjectPair) -> str:

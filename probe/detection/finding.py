@@ -1,9 +1,9 @@
 """The result of detection: the finding of a scan, and of two scans compared."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite, nan
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from probe.core.finding_words import summary
 from probe.detection.sizes import Sizes
@@ -11,6 +11,13 @@ from sim_backend import html
 
 Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]
 Diseased = Literal["A", "B", "neither", "undecided"]
+UNDECIDED: Final = "undecided"
+HEALTHY: Final = "artery"
+NARROWED: Final = "stenotic artery"
+LUMP: Final = "tumour"
+VESSELS: tuple[Kind, ...] = (HEALTHY, NARROWED)
+NAMED: tuple[Kind, ...] = (NARROWED, HEALTHY, LUMP)
+"""Kinds of an object; first the one that a person would act on."""
 
 MAX_CONFIDENCE = 0.999
 """No model of the world is surer of itself than this, whatever its likelihoods say."""
@@ -110,6 +117,18 @@ class ObjectFinding:
     sizes: Sizes = field(default_factory=Sizes)
 
     @property
+    def is_named(self) -> bool:
+        return self.kind != UNDECIDED
+
+    @property
+    def is_vessel(self) -> bool:
+        return self.kind in VESSELS
+
+    def undecided(self, reason: str) -> "ObjectFinding":
+        """The same, its kind open for a ``reason``."""
+        return replace(self, kind=UNDECIDED, reason=reason)
+
+    @property
     def position_mm(self) -> float:
         """Where it lies; NaN without positions."""
         return 1e3 * self.position_m
@@ -169,7 +188,7 @@ class Finding:
         away = {abs(s.x_m - thing.position_m): s for s in self.stations if isfinite(s.x_m)}
         nearest = away[min(away)] if away and isfinite(thing.position_m) else None
         unseen = nearest is not None and isfinite(nearest.pulse_below_pa)
-        return nan if unseen and thing.kind == "tumour" else thing.pulse_pa
+        return nan if unseen and thing.kind == LUMP else thing.pulse_pa
 
     def as_json(self) -> dict[str, Any]:
         """JSON-able; None where a number is unknown."""

@@ -8,7 +8,7 @@ import numpy as np
 from probe.core.finding_words import NORMAL_95, percent
 from probe.detection.classify.kinds import Judged, Seen, judge
 from probe.detection.classify.population import BESIDE_MM, World, apparent_modulus_pa
-from probe.detection.finding import ObjectFinding, stated
+from probe.detection.finding import HEALTHY, UNDECIDED, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.pulse.presses import Press
 from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
@@ -70,8 +70,8 @@ def pulsing_place(
     if said is None or not known:
         unknown = f"whether it is stenosed needs {MORE}"
         chances = said.chances if said else {}
-        said = Judged("artery", _is_pulse(strongest), unknown, float("nan"), chances=chances)
-    elif said.kind != "undecided":
+        said = Judged(HEALTHY, _is_pulse(strongest), unknown, float("nan"), chances=chances)
+    elif said.kind != UNDECIDED:
         sure = percent(said.confidence)
         reason = f"{said.kind} is likeliest, {sure} by pulse and stiffness of one press"
         said = replace(said, reason=reason)
@@ -91,7 +91,7 @@ def pulsing_place(
         where = (
             ": what pulses lies here or beyond the last station so far" if last_m in ends else ""
         )
-        said = replace(said, kind="undecided")
+        said = replace(said, kind=UNDECIDED)
         reason = f"the row is not finished{where}; {reason}"
     return [_found(strongest, x_m, ends, float("nan"), said, reason)]
 

@@ -11,7 +11,15 @@ from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.core.recording import Recording
 from probe.detection.beneath.explain import with_sizes
-from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
+from probe.detection.finding import (
+    NAMED,
+    UNDECIDED,
+    Finding,
+    Kind,
+    ObjectFinding,
+    StationFinding,
+    stated,
+)
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.area import MIN_PRESSES
@@ -24,15 +32,13 @@ from probe.detection.map.row_shapes import with_edges
 from probe.detection.map.rows_or_area import is_area, runs_along_rows
 from probe.detection.map.straight_line import or_lines, unnamed_line
 from probe.detection.map.vessel_tracking import across_rows
+from probe.detection.pulse.causes import MOVERS
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
 from probe.storage.run import recording_of
-
-ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
-"""Which object's kind is the whole finding's: the one that a person would act on."""
 
 SHOWN_SIGMAS = 5.0
 """Standard deviations of its size above which a pulse shows whose beats come from a reference."""
@@ -106,7 +112,7 @@ def detect(
         area = over_area(presses)
         objects = objects_in(area, moving, false_alarm) or unnamed_line(area, false_alarm)
         if unfinished:
-            objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
+            objects = [one.undecided(UNFINISHED) for one in objects]
     elif _most_places(recording, judged) >= MIN_STATIONS:
         objects, least_pa = _in_rows(recording, presses, judged, false_alarm, unfinished)
     elif found := lone_vessel(presses, rows, recording.face_m2):
@@ -133,7 +139,7 @@ def detect(
         and np.isinf(least_pa)
         and any(np.isfinite(s.x_m) for s in recording.stations)
     ):
-        kind = "undecided"  # of a recording without places only a pulse is asked
+        kind = UNDECIDED  # of a recording without places only a pulse is asked
     if presses:
         reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa, unfinished)
     else:
@@ -201,18 +207,12 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     one = min(moved, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
     assert one.cause is not None
     rival = one.cause.rival
-    advice = {
-        "breathing": "let the breath be held for one hold",
-        "motion": "repeat the press without moving",
-        "a steady line": "switch the machine off or record a reference (PPG or ECG)",
-        "tremor": "support the probe or sample faster",
-    }[rival]
     x_m = one.station.x_m
     return [ObjectFinding(
-        "undecided", x_m, beside(x_m, presses), float("nan"), one.size_pa, one.cause.pulse,
+        UNDECIDED, x_m, beside(x_m, presses), float("nan"), one.size_pa, one.cause.pulse,
         f"something moves at station {one.station.index + 1}: a pulse with "
         f"{percent(one.cause.pulse)}, {rival} with {percent(one.cause.share[rival])}; "
-        f"{advice}, or hold longer",
+        f"{MOVERS[rival].advice}, or hold longer",
     )]  # fmt: skip
 
 
@@ -224,7 +224,7 @@ def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     one = max(some, key=lambda p: p.size_pa)
     x_m, slow, fast = one.station.x_m, 60 * SLOWEST_HZ, 60 * FASTEST_HZ
     return [ObjectFinding(
-        "undecided", x_m, beside(x_m, presses), float("nan"), one.size_pa, 0.0,
+        UNDECIDED, x_m, beside(x_m, presses), float("nan"), one.size_pa, 0.0,
         f"something beats about {60 * (one.beyond_hz or 0.0):.0f} times a minute at station "
         f"{one.station.index + 1}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with "
         "a reference (PPG or ECG), or hold longer",
@@ -263,9 +263,10 @@ def _shown_pa(presses: tuple[Press, ...], false_alarm: float) -> Array:
 
 def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished: bool) -> Kind:
     if not any(p.pulse is not None for p in presses):
-        return "undecided"
+        return UNDECIDED
     kinds = {one.kind for one in objects}
-    return next((kind for kind in ORDER if kind in kinds), "undecided" if unfinished else "nothing")
+    order = (*NAMED, UNDECIDED)
+    return next((kind for kind in order if kind in kinds), UNDECIDED if unfinished else "nothing")
 
 
 def _reason(

@@ -12,6 +12,7 @@ import numpy as np
 from drivers.core.arrays import Array, Bools
 from probe.detection.beneath.posterior import Model
 from probe.detection.beneath.row_data import RowData
+from probe.detection.finding import NAMED, VESSELS
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kinds import BLOCK, KINDS, LUMP, VESSEL, Kind
 from sim_backend.touch.table import AtDepths, TouchTable, block_of
@@ -42,11 +43,7 @@ exponential's, and 0.84 at 0.2 and 0.28 at 0.44 in depth, as a Gaussian's."""
 DRAWN, STARTS = 2000, 6
 """Points of the prior that are tried for each body, and the best ones that a fit starts from."""
 
-HYPOTHESES: dict[str, Kind] = {
-    "tumour": LUMP,
-    "artery": VESSEL,
-    "stenotic artery": VESSEL,
-}
+HYPOTHESES: dict[str, Kind] = {name: VESSEL if name in VESSELS else LUMP for name in NAMED}
 """By the name of an object. Every vessel may be narrowed, by as little as nothing: one row hardly
 tells, and a depth that relies on a healthy one is wrong over a narrowed one."""
 APART = 1.6

@@ -13,7 +13,7 @@ from probe.core.finding_words import AT_AN_END
 from probe.detection.beneath.hypotheses import HYPOTHESES, Bodies, Likelihood
 from probe.detection.beneath.posterior import Model, Posterior, laplace
 from probe.detection.classify.kinds import EVEN, Seen, by_body, judge
-from probe.detection.finding import ObjectFinding
+from probe.detection.finding import UNDECIDED, ObjectFinding
 from sim_backend.touch.kinds import KINDS, Kind
 
 MORE_THAN_ONE = "more than one thing lies here: two bodies explain the row, and no single one does"
@@ -63,7 +63,7 @@ def pairs_with(kinds: tuple[Kind, ...]) -> list[tuple[Kind, ...]]:
 
 def decided(one: ObjectFinding, vessel: float) -> ObjectFinding:
     """An undecided object, where the chance that it is a ``vessel`` decides its kind."""
-    said = by_body(one.chances, vessel) if one.kind == "undecided" else None
+    said = by_body(one.chances, vessel) if not one.is_named else None
     if said is None:
         return one
     kind, confidence, chances = said
@@ -87,9 +87,9 @@ def object_of(
     contrast, share = known(bump), known(pulse / (1 + bump))
     said = judge(Seen(*share, *contrast, moving=float(found.vessel[n])))
     if said.kind != named:
-        said = replace(said, kind="undecided", reason=MORE_THAN_ONE)
+        said = replace(said, kind=UNDECIDED, reason=MORE_THAN_ONE)
     if _at_an_end(float(at_m), likelihood.data.x_m):
-        said = replace(said, kind="undecided", reason=AT_AN_END)
+        said = replace(said, kind=UNDECIDED, reason=AT_AN_END)
     return ObjectFinding(
         said.kind, float(at_m), (float(low_m), float(high_m)), known(bump * bare_n)[0] / face_m2,
         known(pulse * bare_n)[0] / face_m2, said.confidence, said.reason or MORE_THAN_ONE,

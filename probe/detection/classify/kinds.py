@@ -11,7 +11,17 @@ from scipy.special import ndtr
 from drivers.core.arrays import Array
 from probe.core.finding_words import percent
 from probe.detection.classify.population import STRATA, Stratum, World, samples
-from probe.detection.finding import MAX_CONFIDENCE, Kind, stated
+from probe.detection.finding import (
+    HEALTHY,
+    LUMP,
+    MAX_CONFIDENCE,
+    NAMED,
+    NARROWED,
+    UNDECIDED,
+    VESSELS,
+    Kind,
+    stated,
+)
 
 MIN_POSTERIOR = 0.85
 """Least posterior probability of a kind to name it."""
@@ -38,9 +48,7 @@ REASONS = {
     "ends, as a high block's does, or is higher on one side, as beside a bone: press as deep from "
     "where the surface is at each station, beyond that side, or in a row across this one",
 }
-PRIOR: dict[str, float] = {
-    "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,
-}  # fmt: skip
+PRIOR: dict[str, float] = {LUMP: 0.3, HEALTHY: 0.3, NARROWED: 0.3, ELSE: 0.1}
 """Of an object that is there: the three kinds alike, a tenth for what none of them is."""
 CONTRASTS = (-0.3, 3.0)
 """Range of contrasts over which something else is spread evenly; of its pulses the logarithm is,
@@ -101,16 +109,16 @@ def judge(seen: Seen, advice: str = "") -> Judged:
     better press or a longer hold."""
     share, stiff = posterior(seen)
     best = max(share, key=lambda k: share[k])
-    if share["artery"] + share["stenotic artery"] < 0.5:
+    if sum(share[kind] for kind in VESSELS) < 0.5:
         stiff = math.nan
-    not_healthy = share["stenotic artery"] + share["tumour"]
-    diseased = not_healthy / max(not_healthy + share["artery"], 1e-300)
-    kind = next((stratum.kind for stratum in STRATA.values() if stratum.kind == best), None)
+    not_healthy = share[NARROWED] + share[LUMP]
+    diseased = not_healthy / max(not_healthy + share[HEALTHY], 1e-300)
+    kind = next((kind for kind in NAMED if kind == best), None)
     if kind is not None and share[best] >= MIN_POSTERIOR:
         return Judged(kind, stated(share[best]), "", diseased, stiff, share)
     rival = max(REASONS, key=lambda k: share[k])
     if share[rival] >= MIN_REASON:
-        return Judged("undecided", stated(share[best]), REASONS[rival], diseased, stiff, share)
+        return Judged(UNDECIDED, stated(share[best]), REASONS[rival], diseased, stiff, share)
     chances = ", ".join(f"{k} {percent(stated(v))}" for k, v in share.items() if v >= 0.005)
     if seen.hidden is not None:
         could = SIZES[seen.hidden >= HIDDEN_RATIO].max(initial=SIZES[0])
@@ -123,7 +131,7 @@ def judge(seen: Seen, advice: str = "") -> Judged:
     reason = f"{EVEN}{chances}; " + (
         advice or "press deeper, or hold for more beats, to know the pulse and the peak better"
     )
-    return Judged("undecided", stated(share[best]), reason, diseased, stiff, share)
+    return Judged(UNDECIDED, stated(share[best]), reason, diseased, stiff, share)
 
 
 def by_body(
@@ -134,16 +142,15 @@ def by_body(
 
     Which kind of vessel it is stays as it was.
     """
-    vessels = chances["artery"] + chances["stenotic artery"]
-    either = vessels + chances["tumour"]
-    if not vessels * chances["tumour"] > 0:
+    vessels = sum(chances[kind] for kind in VESSELS)
+    either = vessels + chances[LUMP]
+    if not vessels * chances[LUMP] > 0:
         return None
-    weights = dict.fromkeys(chances, 1.0) | {
-        "tumour": (1 - vessel) * either / chances["tumour"],
-        "artery": vessel * either / vessels, "stenotic artery": vessel * either / vessels,
-    }  # fmt: skip
+    weights = dict.fromkeys(chances, 1.0)
+    weights |= {LUMP: (1 - vessel) * either / chances[LUMP]}
+    weights |= dict.fromkeys(VESSELS, vessel * either / vessels)
     share = {name: chance * weights[name] for name, chance in chances.items()}
-    kind = max((stratum.kind for stratum in STRATA.values()), key=lambda name: share[name])
+    kind = max(NAMED, key=lambda name: share[name])
     return (kind, stated(share[kind]), share) if share[kind] >= MIN_POSTERIOR else None
 
 

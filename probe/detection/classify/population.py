@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.core.arrays import Array
-from probe.detection.finding import Kind
+from probe.detection.finding import HEALTHY, LUMP, NARROWED, Kind
 
 SEED = 20
 FINGER_LENGTH_MM, MIDDLE_MM = 10.0, 32.0
@@ -60,17 +60,15 @@ class Stratum:
 
     @property
     def beats(self) -> bool:
-        return self.kind != "tumour"
+        return self.kind != LUMP
 
 
 STRATA: Mapping[str, Stratum] = {
-    "lump": Stratum("tumour"),
-    "artery": Stratum("artery", 0.8),
-    "calcified artery": Stratum("artery", 0.2, stiff=True, draws={"vessel_kpa": (1000.0, 6000.0)}),
-    "stenosis": Stratum("stenotic artery", 0.9, stiff=True),
-    "soft stenosis": Stratum(
-        "stenotic artery", 0.1, draws={"fraction": (0.1, 0.5), "plaque": (0.2, 3.0)}
-    ),
+    "lump": Stratum(LUMP),
+    "artery": Stratum(HEALTHY, 0.8),
+    "calcified artery": Stratum(HEALTHY, 0.2, stiff=True, draws={"vessel_kpa": (1000.0, 6000.0)}),
+    "stenosis": Stratum(NARROWED, 0.9, stiff=True),
+    "soft stenosis": Stratum(NARROWED, 0.1, draws={"fraction": (0.1, 0.5), "plaque": (0.2, 3.0)}),
 }
 """By name. A fifth of open vessels are calcified (of 650 people without complaints a third had
 calcium in a carotid: Allison, Criqui & Wright 2004) and a tenth of narrowings mild or of lipid: one
@@ -168,7 +166,7 @@ def _sample(
 
 def _scene(kind: Kind, drawn: Mapping[str, float], depth_mm: float) -> dict[str, Any]:
     place = {"x_mm": MIDDLE_MM, "depth_mm": depth_mm, "poisson": 0.49}
-    if kind == "tumour":
+    if kind == LUMP:
         size = {"kind": "tumour", "diameter_mm": drawn["inner_mm"] * (1 + 2 * drawn["wall"])}
         body = place | size | {"modulus_kpa": drawn["lump"] * drawn["tissue_kpa"]}
     else:
@@ -177,7 +175,7 @@ def _scene(kind: Kind, drawn: Mapping[str, float], depth_mm: float) -> dict[str,
             "kind": "artery", "inner_diameter_mm": drawn["inner_mm"], "wall_mm": wall_mm,
             "modulus_kpa": drawn["vessel_kpa"],
         }  # fmt: skip
-    if kind == "stenotic artery":
+    if kind == NARROWED:
         stiff_kpa = drawn["plaque"] * drawn["vessel_kpa"]
         body["stenosis"] = {"fraction": drawn["fraction"], "modulus_kpa": stiff_kpa}
     return {

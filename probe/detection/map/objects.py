@@ -7,7 +7,7 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.finding_words import AT_AN_END, NORMAL_95
 from probe.detection.classify.kinds import Judged, Seen, judge
-from probe.detection.finding import ObjectFinding
+from probe.detection.finding import UNDECIDED, ObjectFinding
 from probe.detection.map.area import among
 from probe.detection.map.bumps import (
     MAX_OBJECTS,
@@ -24,7 +24,7 @@ from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.map.unseen_pulse import unseen, unseen_beside
 
 NO_LEVEL = Judged(
-    "undecided", float("nan"),
+    UNDECIDED, float("nan"),
     "the force there or beside it is not above zero, so that nothing can be compared with it: take "
     "the zero in the air and scan again", 0.5,
 )  # fmt: skip
@@ -149,9 +149,7 @@ def _object(place: Place, seen: _Seen) -> ObjectFinding:
     below = place.at_m[0] < (seen.pressed.x_m.min() + seen.pressed.x_m.max()) / 2
     beyond_m = (low - bump.half_width_m, high) if below else (low, high + bump.half_width_m)
     found = replace(found, position_ci_m=beyond_m)
-    return (
-        found if found.kind == "undecided" else replace(found, kind="undecided", reason=AT_AN_END)
-    )
+    return found.undecided(AT_AN_END) if found.is_named else found
 
 
 def _at_an_end(at_m: Array, seen: _Seen) -> bool:

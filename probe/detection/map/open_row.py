@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from drivers.core.arrays import Array
-from probe.detection.finding import ObjectFinding
+from probe.detection.finding import LUMP, ObjectFinding
 from probe.detection.map.bumps import least_height
 from probe.detection.map.objects import objects_in
 from probe.detection.map.pressed import Pressed
@@ -40,7 +40,7 @@ def open_objects(
         kept = replace(one, position_ci_m=_towards(end_m, one.position_ci_m, line))
         near = short or abs(one.position_m - end_m) < MIN_BEYOND * pitch
         reason = OR_BEYOND if end_m in kept.position_ci_m else REASON
-        settled.append(replace(kept, kind="undecided", reason=reason) if near else kept)
+        settled.append(kept.undecided(reason) if near else kept)
     return settled
 
 
@@ -64,10 +64,7 @@ def only_pulses(objects: list[ObjectFinding], line: Pressed) -> list[ObjectFindi
         f"{count} stations do not show whether this is a lump or what lies beyond their ends: "
         "a longer row does"
     )
-    return [
-        replace(one, kind="undecided", reason=reason) if one.kind == "tumour" else one
-        for one in objects
-    ]
+    return [one.undecided(reason) if one.kind == LUMP else one for one in objects]
 
 
 def least_bump_pa(

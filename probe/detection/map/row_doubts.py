@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95
-from probe.detection.finding import ObjectFinding
+from probe.detection.finding import UNDECIDED, ObjectFinding
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps
 from probe.detection.map.pressed import Pressed
@@ -117,7 +117,7 @@ def between_rows(lines: list[Pressed], y_m: list[float]) -> list[ObjectFinding]:
             "others"
         )
     return [ObjectFinding(
-        "undecided", float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(alone_pa[k]),
+        UNDECIDED, float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(alone_pa[k]),
         float(np.median(lines[k].pulse_pa)), 0.0,
         f"no pulse; {where}, as over something that lies along them or a curved surface: scan in "
         "rows across these",
@@ -127,7 +127,7 @@ def between_rows(lines: list[Pressed], y_m: list[float]) -> list[ObjectFinding]:
 def _doubted(line: Pressed, x_m: float, height_pa: float, words: str) -> ObjectFinding:
     at = int(np.argmin(np.abs(line.x_m - x_m)))
     return ObjectFinding(
-        "undecided", x_m, (float(line.x_m[0]), float(line.x_m[-1])), height_pa,
+        UNDECIDED, x_m, (float(line.x_m[0]), float(line.x_m[-1])), height_pa,
         float(line.pulse_pa[at]), 0.0,
         f"{words}, which {len(line.x_m)} stations cannot tell from a curved surface, a block's end "
         "or presses that differ: a longer row can",

@@ -9,7 +9,7 @@ from scipy.special import expit
 from drivers.core.arrays import Array
 from probe.core.finding_words import percent
 from probe.detection.classify.kinds import ELSE, MIN_POSTERIOR, PRIOR
-from probe.detection.finding import ObjectFinding, stated
+from probe.detection.finding import LUMP, UNDECIDED, ObjectFinding, stated
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
 from probe.detection.map.pressed import Pressed
@@ -20,7 +20,7 @@ from probe.detection.map.seen_map import Map, bump_at, explained, weighted
 
 MIN_POINTS = 3
 """Of a course: two are always on a line."""
-ELSE_OF_A_LINE = PRIOR[ELSE] / (PRIOR[ELSE] + PRIOR["tumour"])
+ELSE_OF_A_LINE = PRIOR[ELSE] / (PRIOR[ELSE] + PRIOR[LUMP])
 """Of what is as stiff from one edge of a map to the other, and does not pulse."""
 WIDE = 4
 """Directions that differ by less than a ridge's width shows: a twelfth of half a turn each."""
@@ -36,7 +36,7 @@ def unnamed_line(pressed: Pressed, false_alarm: float) -> list[ObjectFinding]:
         return []
     x_m, word = levels.place_m[:, 0], "stiffer" if height_pa > 0 else "softer"
     return [ObjectFinding(
-        "undecided", float(np.median(x_m)), (float(x_m.min()), float(x_m.max())), height_pa,
+        UNDECIDED, float(np.median(x_m)), (float(x_m.min()), float(x_m.max())), height_pa,
         float(np.median(pressed.pulse_pa)), 0.0,
         f"no pulse; {abs(height_pa):.0f} Pa {word} along a straight line or on one side of it, as "
         "over a bone, a tendon or a step of the surface: press as deep from where the surface is "
@@ -93,7 +93,7 @@ def _straight(
 
     def is_line(some: list[ObjectFinding]) -> bool:
         points_m = _points(some)
-        if len(points_m) < MIN_POINTS or all(one.kind == "undecided" for one in some):
+        if len(points_m) < MIN_POINTS or not any(one.is_named for one in some):
             return False
         off_m = points_m - points_m.mean(axis=0)
         aside_m = off_m @ np.linalg.svd(off_m, full_matrices=False)[2][1]
@@ -156,7 +156,7 @@ def _or_line(group: list[ObjectFinding], line: float) -> list[ObjectFinding]:
     points_m = _points(group)
     ends_m = [end for one in group for end in one.position_ci_m]
     return [replace(
-        clearest, kind="undecided", confidence=stated(confidence),
+        clearest, kind=UNDECIDED, confidence=stated(confidence),
         position_m=float(np.median(points_m[:, 0])), position_ci_m=(min(ends_m), max(ends_m)),
         course=tuple((float(x), float(y)) for x, y in points_m),
         reason=f"between tumour {percent(stated(confidence))} and a bone, a tendon or a band: as "

@@ -3,7 +3,14 @@
 from dataclasses import replace
 
 from probe.detection.classify.kinds import MIN_POSTERIOR
-from probe.detection.finding import Kind, ObjectFinding
+from probe.detection.finding import (
+    HEALTHY,
+    LUMP,
+    NARROWED,
+    UNDECIDED,
+    Kind,
+    ObjectFinding,
+)
 
 MAX_STRAY_PITCHES = 1.5
 """How far in pitches a course may move from row to row."""
@@ -50,15 +57,15 @@ def _nearest(chains: list[Chain], number: int, one: ObjectFinding, pitch_m: floa
 def _course(chain: Chain, rows_m: list[float]) -> ObjectFinding:
     """``rows_m`` are all rows' y [m]."""
     course = tuple((one.position_m, y_m) for _, y_m, one in chain)
-    vessel = [one for _, _, one in chain if one.kind in ("artery", "stenotic artery")]
+    vessel = [one for _, _, one in chain if one.is_vessel]
     if not vessel:
-        kind: Kind = "tumour" if any(o.kind == "tumour" for _, _, o in chain) else "undecided"
+        kind: Kind = LUMP if any(o.kind == LUMP for _, _, o in chain) else UNDECIDED
         return replace(_clearest([o for _, _, o in chain if o.kind == kind]), course=course)
     sure = max(one.confidence for one in vessel)
     diseased = {number: _diseased(one) for number, _, one in chain}
     sick = [
-        replace(one, kind="stenotic artery", reason="",
-                confidence=one.confidence if one.kind == "stenotic artery" else sure * p)
+        replace(one, kind=NARROWED, reason="",
+                confidence=one.confidence if one.kind == NARROWED else sure * p)
         for number, _, one in chain if (p := diseased[number]) >= MIN_POSTERIOR
     ]  # fmt: skip
     if sick:
@@ -71,13 +78,15 @@ def _course(chain: Chain, rows_m: list[float]) -> ObjectFinding:
     if not doubtful:
         return found
     where = ", ".join(f"{1e3 * rows_m[n]:.1f}" for n in doubtful)
-    return replace(found, kind="undecided", reason=f"a vessel that beats less or not at all at y = "
-                   f"{where} mm: stenosed or deeper there; hold longer there")  # fmt: skip
+    return found.undecided(
+        f"a vessel that beats less or not at all at y = {where} mm: stenosed or deeper there; hold "
+        "longer there"
+    )
 
 
 def _diseased(one: ObjectFinding) -> float:
     """Probability that a vessel, known as one from other rows, is stenosed in this one."""
-    known: dict[Kind, float] = {"artery": 0.0, "stenotic artery": 1.0, "tumour": 1.0}
+    known: dict[Kind, float] = {HEALTHY: 0.0, NARROWED: 1.0, LUMP: 1.0}
     return known.get(one.kind, one.diseased)
 
 

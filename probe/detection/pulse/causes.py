@@ -4,7 +4,7 @@ Each is a model of the same hold with an evidence of its own, so that what passe
 judged by its shape: a fast rise and a slow fall again and again, and nothing slower beneath.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -39,9 +39,6 @@ BREATHING_HARMONICS = (1, 2, 6)
 MOTION_S = (0.1, 0.2, 0.4, 0.8)
 """Standard deviations of a bump: a hand that shifts, a swallow, a cough."""
 MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
-PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
-"""Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
-choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there."""
 MIN_POSTERIOR = 0.8
 """Least posterior probability of a pulse, among all causes, to count as one: four to one. Of 200
 pulses of 1 % in 5 s (benchmarks/pulses.py) it finds 194, with 0.75 it is 195; with 0.85 two fewer
@@ -114,63 +111,60 @@ def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
 
 
 def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
-    """Log evidence of each cause that `PRIOR` names, and of "uneven beats" as a part of a pulse's.
+    """Log evidence of each of `MOVERS`, and of "uneven beats" as a part of a pulse's.
 
     Where a pulse is not sure, each but breathing is also judged `beside_breathing`, which takes as
     long again: whether somebody breathes does not depend on what else moves.
     """
-    repeating = _repeating(hold, MEMORIES)
-    own = np.log(SHARE["train"]) + train_evidence(hold, train)
-    found = {
-        "pulse": float(np.logaddexp(repeating["pulse"], own)),
-        "uneven beats": float(own),
-        "breathing": float(np.logaddexp.reduce([
-            periodic(hold, *BREATHING_HZ, count) for count in BREATHING_HARMONICS
-        ]) - np.log(len(BREATHING_HARMONICS))),
-        "a steady line": repeating["a steady line"],
-        "motion": _motion(hold),
-        "tremor": _tremor(hold),
-    }  # fmt: skip
+    found = {name: mover.evidence(hold, MEMORIES) for name, mover in MOVERS.items()}
+    own = float(np.log(SHARE["train"]) + train_evidence(hold, train))
+    found |= {"pulse": float(np.logaddexp(found["pulse"], own)), "uneven beats": own}
     if cause_of([found]).is_pulse:
         return found
     still, cost = beside_breathing(hold, SLOWEST_HZ, FASTEST_HZ)
-    chance = PRIOR["breathing"]
-    beside = _repeating(still, BESIDE_MEMORIES)
-    beside |= {"motion": _motion(still), "tremor": _tremor(still)}
-    return found | {
-        name: float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + each - cost))
-        for name, each in beside.items()
-    }
+    chance = MOVERS["breathing"].prior
+    for name in MOVERS.keys() - {"breathing"}:
+        beside = MOVERS[name].evidence(still, BESIDE_MEMORIES) - cost
+        found[name] = float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + beside))
+    return found
 
 
-def _repeating(hold: Coarse, memories: Sequence[float]) -> dict[str, float]:
-    """Log evidence of a steady pulse, the mean wave or any harmonics, times its share; of a line.
+def _steady_pulse(hold: Coarse, memories: Sequence[float]) -> float:
+    """The mean wave, or any harmonics, times its share."""
+    return float(np.logaddexp.reduce([
+        np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ, memories),
+        *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
+          + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights, memories)
+          for count in STEADY_HARMONICS),
+    ]))  # fmt: skip
 
-    ``memories`` are those of the noises that there may be.
-    """
-    return {
-        "pulse": float(np.logaddexp.reduce([
-            np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ, memories),
-            *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
-              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights, memories)
-              for count in STEADY_HARMONICS),
-        ])),
-        "a steady line": periodic(hold, *LINE_HZ, 1, memories=memories),
-    }  # fmt: skip
+
+def _breathing(hold: Coarse, memories: Sequence[float]) -> float:
+    evidence = [
+        periodic(hold, *BREATHING_HZ, count, memories=memories) for count in BREATHING_HARMONICS
+    ]
+    return float(np.logaddexp.reduce(evidence) - np.log(len(BREATHING_HARMONICS)))
+
+
+def _line(hold: Coarse, memories: Sequence[float]) -> float:
+    return periodic(hold, *LINE_HZ, 1, memories=memories)
 
 
 def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
     """What moves in holds that all have the same cause."""
-    score = np.array([np.log(p) + sum(e[name] for e in evidences) for name, p in PRIOR.items()])
+    score = np.array([
+        np.log(mover.prior) + sum(each[name] for each in evidences)
+        for name, mover in MOVERS.items()
+    ])  # fmt: skip
     share = np.exp(score - np.logaddexp.reduce(score))
-    return Cause(dict(zip(PRIOR, share.tolist(), strict=True)))
+    return Cause(dict(zip(MOVERS, share.tolist(), strict=True)))
 
 
-def _tremor(hold: Coarse) -> float:
+def _tremor(hold: Coarse, _memories: Sequence[float]) -> float:
     return train_evidence(hold, beat_train(hold, "symmetric"))
 
 
-def _motion(hold: Coarse) -> float:
+def _motion(hold: Coarse, _memories: Sequence[float]) -> float:
     """Evidence of a few steps and bumps at any time, chosen one after the other.
 
     Each number of them is as likely beforehand.
@@ -205,3 +199,25 @@ def _movements(n: int, step_s: float, memory: float) -> Array:
     steps = (time_s[:, None] > time_s[None, :-1]).astype(float)
     bumps = [np.exp(-0.5 * ((time_s[:, None] - time_s) / sd) ** 2) for sd in MOTION_S]
     return whiten(np.hstack([one - one.mean(axis=0) for one in (steps, *bumps)]), memory)
+
+
+@dataclass(frozen=True)
+class Mover:
+    """What may move in a hold: its ``prior``, its log ``evidence`` in noises of some memories, and
+    what to do about it."""
+
+    prior: float
+    evidence: Callable[[Coarse, Sequence[float]], float]
+    advice: str
+
+
+MOVERS: Mapping[str, Mover] = {
+    "pulse": Mover(0.6, _steady_pulse, ""),
+    "breathing": Mover(0.1, _breathing, "let the breath be held for one hold"),
+    "a steady line": Mover(0.1, _line, "switch the machine off or record a reference (PPG or ECG)"),
+    "motion": Mover(0.1, _motion, "repeat the press without moving"),
+    "tremor": Mover(0.1, _tremor, "support the probe or sample faster"),
+}
+"""By name. Before the hold is looked at a pulse is what a scan looks for, and nothing is known of
+the others. A choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there.
+"""
