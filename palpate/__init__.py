@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from probe.calibrate.fits import calibrate
     from probe.config.devices import connect
     from probe.config.load_rig import load_rig
-    from probe.config.rig import Rig, RigError, default_rig
+    from probe.config.rig import Device, Rig, RigError, Safety, Scan, SceneChoice, default_rig
     from probe.config.scan_limits import limits_for
     from probe.config.scan_plan import plan_for
     from probe.core.errors import RunFileError
@@ -51,6 +51,7 @@ __all__ = [
     "Comparison",
     "ConfigError",
     "Control",
+    "Device",
     "DeviceAbsent",
     "DeviceFault",
     "Finding",
@@ -63,8 +64,11 @@ __all__ = [
     "RigError",
     "Run",
     "RunFileError",
+    "Safety",
+    "Scan",
     "ScanResult",
     "Scene",
+    "SceneChoice",
     "SceneError",
     "SimulatedClock",
     "Station",
@@ -108,7 +112,15 @@ _HOMES = {
     "probe.scan.session": ("ScanResult", "scan"),
     "probe.calibrate.fits": ("calibrate",),
     "probe.config.devices": ("connect",),
-    "probe.config.rig": ("Rig", "RigError", "default_rig"),
+    "probe.config.rig": (
+        "Device",
+        "Rig",
+        "RigError",
+        "Safety",
+        "Scan",
+        "SceneChoice",
+        "default_rig",
+    ),
     "probe.config.load_rig": ("load_rig",),
     "probe.config.scan_limits": ("limits_for",),
     "probe.config.scan_plan": ("plan_for",),

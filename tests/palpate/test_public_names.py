@@ -33,7 +33,10 @@ def test_a_name_that_is_not_there_says_so() -> None:
 def test_a_type_checker_sees_the_real_names_only(tmp_path: Path) -> None:
     pytest.importorskip("mypy", reason="mypy is not installed (extra: dev)")
     script = tmp_path / "uses.py"
-    script.write_text("import palpate\nfound = palpate.detect('a.run')\npalpate.nonexistent()\n")
+    script.write_text(
+        "import palpate\nfound = palpate.detect('a.run')\npalpate.nonexistent()\n"
+        "rig = palpate.Rig(scan=palpate.Scan(start_mm=8.0, stations=13))\n"
+    )
     config = tmp_path / "mypy.ini"
     config.write_text("[mypy]\nfollow_imports = silent\n")
     done = python("-m", "mypy", "--strict", "--config-file", config, script, cwd=ROOT)
@@ -68,7 +71,7 @@ def test_a_folder_that_hides_ours_is_named(tmp_path: Path, package: str) -> None
 
 ON_PAGES = {
     "Calibration": "probe/calibrate/fits.py",  # a union of types has no docstring of its own
-    "Rig": "docs/how-to/rig.md",
+    **dict.fromkeys(("Device", "Rig", "Safety", "Scan", "SceneChoice"), "docs/how-to/rig.md"),
     "Scene": "docs/how-to/notebook.md",
     "write_report": "docs/how-to/runs.md",  # takes seconds
 }
