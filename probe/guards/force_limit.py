@@ -73,7 +73,7 @@ class SensorGuard:
         """The sensor has taken its present load as zero: what it said before has another zero."""
         self.tared = True
         self._tared_s = self.newest_s()
-        self._newest.clear()
+        self._newest = deque(maxlen=SMOOTH)  # the sensor's thread may be in the middle of the other
         self.smooth_n = 0.0
         if self._low_pass is not None:
             self._low_pass.forget()
@@ -109,8 +109,9 @@ class SensorGuard:
         return float(np.std(np.diff(found))) / math.sqrt(2)
 
     def _keep(self, time_s: list[float], force_n: list[float]) -> None:
-        self._newest.extend(force_n[-SMOOTH:])
-        self.smooth_n = sum(self._newest) / len(self._newest)
+        newest = self._newest
+        newest.extend(force_n[-SMOOTH:])
+        self.smooth_n = sum(newest) / len(newest)
         self._recent.extend(zip(time_s, force_n, strict=True))
         while self._recent[0][0] < time_s[-1] - LEVEL_MEMORY_S:
             self._recent.popleft()

@@ -28,8 +28,9 @@ class LowPass:
         self._recent: deque[tuple[float, Array]] = deque()
 
     def forget(self) -> None:
-        """The zero has changed, and readings before have nothing to do with those after."""
-        self._recent.clear()
+        """The zero has changed, and readings before have nothing to do with those after. Another
+        thread may be in the middle of these."""
+        self._recent = deque()
 
     def behind(self, time_s: Array, readings: Array) -> Array:
         """The true loads (n, k) at ``time_s`` (n,) of ``readings`` (n, k), where they are further
