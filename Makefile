@@ -28,14 +28,15 @@ demo-ur: .venv/.installed-report,ur
 	until grep -q faults demo/ur.txt; do kill -0 $$robot && sleep 0.2 || exit 1; done; \
 	$(BIN)/palpate scan rigs/ur5e.toml --seed 1 --out demo --report
 
-# Tests of emulated devices and of a cluster, on the wall clock, come after the others, so that no
-# computing keeps their guards waiting. Four of them share the machine with the types and the finite
+# Tests of emulated devices, of a cluster and of stopped processes, on the wall clock, come after the
+# others, so that no computing keeps their guards waiting. Four of them share the machine with the types and the finite
 # elements, which have all along what the others leave of the processors; what fails is asked again
 # once all else is done.
 WAITING := tests/drivers tests/probe/guards tests/probe/scan tests/probe/checks \
 	tests/probe/calibrate/test_weigh.py tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py \
 	tests/probe/config/test_fallback.py tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py \
-	tests/probe/studies/test_cluster.py tests/sim_backend/emulators tests/test_add_a_driver.py
+	tests/probe/studies/test_cluster.py tests/probe/studies/test_stopped_sweeps.py \
+	tests/sim_backend/emulators tests/test_add_a_driver.py
 BESIDE := tests/sim_backend/fem
 
 test: .venv/.installed-dev
