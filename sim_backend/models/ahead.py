@@ -77,8 +77,11 @@ class SolvedAhead:
 
     def _share(self) -> None:
         """Body of the thread: start the process, and hand it one station after the other."""
-        with no_ctrl_c():  # it is for the scan, which lifts the tip
-            child = Child(solve_each, (), pipes=1)
+        try:
+            with no_ctrl_c():  # it is for the scan, which lifts the tip
+                child = Child(solve_each, (), pipes=1)
+        except (EOFError, OSError):  # no process is to be had: all is solved here
+            return
         (pipe,), self._child = child.pipes, child
         with suppress(EOFError, OSError):
             while True:

@@ -106,6 +106,16 @@ def test_no_process_where_it_would_gain_nothing(
     assert not SolvedAhead(stations()[:places])._thread.is_alive()
 
 
+def test_where_no_process_can_be_started_all_is_solved_here(
+    solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_given: object, **_keys: object) -> None:
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    monkeypatch.setattr(ahead, "Child", refused)
+    assert solved(stations())(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
+
+
 def test_no_process_where_everything_is_known() -> None:
     for one in stations():
         station_response.learn(one, respond(*stations()[0]))
