@@ -44,20 +44,20 @@ class _Scan:
 
     @property
     def pitch_m(self) -> float:
-        return pitch_m(np.array([one.x_m for one in self.finding.stations]))
+        return pitch_m(np.array([station.x_m for station in self.finding.stations]))
 
-    def station_at(self, one: ObjectFinding) -> tuple[float, float]:
+    def station_at(self, thing: ObjectFinding) -> tuple[float, float]:
         """Level and pulse [Pa] of the station nearest to an object."""
         judged = [s for s in self.finding.stations if isfinite(s.baseline_pa)]
-        if isnan(one.position_m) and len(judged) > 1:
+        if isnan(thing.position_m) and len(judged) > 1:
             judged = [max(judged, key=lambda s: s.pulse_pa)]
-        near = min(judged, key=lambda s: abs(s.x_m - one.position_m) if len(judged) > 1 else 0.0)
+        near = min(judged, key=lambda s: abs(s.x_m - thing.position_m) if len(judged) > 1 else 0.0)
         return near.baseline_pa, near.pulse_pa if isnan(near.pulse_below_pa) else nan
 
     @property
     def press(self) -> Array:
         """Depth [m] of the usual press and face [m2]."""
-        deep_m = [one.hold_depth_m for one in self.recording.stations]
+        deep_m = [station.hold_depth_m for station in self.recording.stations]
         return np.array([np.nanmedian(deep_m) if np.isfinite(deep_m).any() else nan,
                          self.recording.face_m2])  # fmt: skip
 
@@ -93,7 +93,7 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     >>> palpate.compare(recording, recording).reason  # of one scan with itself
     'both show an artery, and neither is stenosed'
     """
-    scans = [_Scan(one, detect(one)) for one in map(recording_of, (a, b))]
+    scans = [_Scan(recording, detect(recording)) for recording in map(recording_of, (a, b))]
     for which, scan in zip("AB", scans, strict=True):
         if any(s.baseline_pa <= 0 for s in scan.finding.stations):
             return _unknown(
@@ -107,7 +107,7 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     judged = [(_judged(pair, scans), pair) for pair in pairs if pair.a and pair.b]
     order = [("A", "B"), (UNDECIDED,), ("neither",)]  # what a person would act on comes first
     (diseased, confidence, _), main = next(
-        one for names in order for one in judged if one[0][0] in names
+        verdict for names in order for verdict in judged if verdict[0][0] in names
     )
     reasons = [said[2] for said, _ in judged] + [_only_one(p) for p in pairs if not (p.a and p.b)]
     ratios = _ratios(main, scans) if diseased != UNDECIDED else (nan, nan)
@@ -136,7 +136,7 @@ def _pairs(a: _Scan, b: _Scan) -> list[ObjectPair]:
             matched.append((x, y))
             rest_a.remove(x)
             rest_b.remove(y)
-    vessels = [[one for one in rest if one.is_vessel] for rest in (rest_a, rest_b)]
+    vessels = [[thing for thing in rest if thing.is_vessel] for rest in (rest_a, rest_b)]
     if not matched and len(vessels[0]) == len(vessels[1]) == 1:
         matched = [(vessels[0][0], vessels[1][0])]
         rest_a.remove(vessels[0][0])
@@ -157,8 +157,8 @@ def _apart_m(x: ObjectFinding, y: ObjectFinding) -> float:
     return abs(x.position_m - y.position_m)
 
 
-def _reach_m(one: ObjectFinding) -> float:
-    low_m, high_m = one.position_ci_m
+def _reach_m(thing: ObjectFinding) -> float:
+    low_m, high_m = thing.position_ci_m
     return (high_m - low_m) / 2 if isfinite(high_m - low_m) else 0.0
 
 
@@ -183,12 +183,12 @@ def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]
     a, b = pair.a, pair.b
     assert a is not None and b is not None
     kinds = {a.kind, b.kind}
-    still = all(one.chances.get(HEALTHY, 1.0) <= 1 - MIN_POSTERIOR for one in (a, b))
+    still = all(thing.chances.get(HEALTHY, 1.0) <= 1 - MIN_POSTERIOR for thing in (a, b))
     if LUMP in kinds and kinds <= {LUMP, UNDECIDED} and still:
         return _lumps(pair, scans)
     if min(_vessel(a), _vessel(b)) < MIN_POSTERIOR:
         return UNDECIDED, 0.0, f"A shows {_what(a)}, B {_what(b)}: nothing to compare"
-    sick_a, sick_b = (one.chances[NARROWED] / _vessel(one) for one in (a, b))
+    sick_a, sick_b = (thing.chances[NARROWED] / _vessel(thing) for thing in (a, b))
     only: dict[Diseased, float] = {
         "A": sick_a * (1 - sick_b), "B": (1 - sick_a) * sick_b
     }  # fmt: skip
@@ -204,9 +204,9 @@ def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]
     return best, chances[best], f"both show an artery, and {both}"
 
 
-def _vessel(one: ObjectFinding) -> float:
+def _vessel(thing: ObjectFinding) -> float:
     """Probability that an object is a vessel."""
-    return sum(one.chances.get(kind, 0.0) for kind in VESSELS)
+    return sum(thing.chances.get(kind, 0.0) for kind in VESSELS)
 
 
 def _lumps(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
@@ -236,18 +236,18 @@ def _lumps(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
     return "neither", sure, f"{where} is no different: contrast {interval}"
 
 
-def _what(one: ObjectFinding) -> str:
-    if not one.is_named:
+def _what(thing: ObjectFinding) -> str:
+    if not thing.is_named:
         return "something undecided"
-    return f"{'an' if one.kind == HEALTHY else 'a'} {one.kind}"
+    return f"{'an' if thing.kind == HEALTHY else 'a'} {thing.kind}"
 
 
 def _only_one(pair: ObjectPair) -> str:
-    one = pair.a or pair.b
-    assert one is not None
+    thing = pair.a or pair.b
+    assert thing is not None
     which, other = ("A", "B") if pair.a else ("B", "A")
-    where = f" at x = {1e3 * one.position_m:.1f} mm" if isfinite(one.position_m) else ""
-    return f"only {which} shows {_what(one)}{where}, {other} nothing there"
+    where = f" at x = {1e3 * thing.position_m:.1f} mm" if isfinite(thing.position_m) else ""
+    return f"only {which} shows {_what(thing)}{where}, {other} nothing there"
 
 
 def _ratios(pair: ObjectPair, scans: list[_Scan]) -> tuple[float, float]:

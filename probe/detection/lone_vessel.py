@@ -73,18 +73,17 @@ def pulsing_place(
         said = Judged(HEALTHY, _is_pulse(strongest), unknown, float("nan"), chances=chances)
     elif said.kind != UNDECIDED:
         sure = percent(said.confidence)
-        reason = f"{said.kind} is likeliest, {sure} by pulse and stiffness of one press"
-        said = replace(said, reason=reason)
+        said = replace(said, reason=f"probably {said.kind} ({sure}, by one press)")
     reason = f"it pulses; {said.reason}"
-    every, aside_m = [p.station.x_m for p in presses], 1e-3 * BESIDE_MM
-    if not unfinished and np.ptp(every) > 0 and x_m in (min(every), max(every)):
+    scanned_m, aside_m = [p.station.x_m for p in presses], 1e-3 * BESIDE_MM
+    if not unfinished and np.ptp(scanned_m) > 0 and x_m in (min(scanned_m), max(scanned_m)):
         low, high = ends
-        ends = (x_m - aside_m, high) if x_m == min(every) else (low, x_m + aside_m)
+        ends = (x_m - aside_m, high) if x_m == min(scanned_m) else (low, x_m + aside_m)
         reason += "; it pulses most where the stations end, and lies here or beyond"
     if strongest.hold_s < MIN_HOLD_S:
         reason += (
-            f"; in a hold as short as {strongest.hold_s:.1f} s breathing, tremor or a hand that "
-            "moves may pass for a pulse"
+            f"; in a hold of {strongest.hold_s:.1f} s breathing, tremor or motion can look like a "
+            "pulse"
         )
     if unfinished and np.isfinite(ends[0]):
         last_m = max(presses, key=lambda p: p.station.index).station.x_m
@@ -124,21 +123,23 @@ def _found(
     )  # fmt: skip
 
 
-def _as_strong(one: Press, strongest: Press) -> bool:
+def _as_strong(press: Press, strongest: Press) -> bool:
     """Whether the sizes of two pulses differ by no more than their errors leave open (95 %)."""
-    assert one.pulse is not None and strongest.pulse is not None  # both pulse
-    doubt_pa = np.hypot(one.pulse.size_sd_pa, strongest.pulse.size_sd_pa)
-    return bool(strongest.size_pa - one.size_pa <= NORMAL_95 * doubt_pa)
+    assert press.pulse is not None and strongest.pulse is not None  # both pulse
+    doubt_pa = np.hypot(press.pulse.size_sd_pa, strongest.pulse.size_sd_pa)
+    return bool(strongest.size_pa - press.size_pa <= NORMAL_95 * doubt_pa)
 
 
 def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
     """What lies between the presses next to a place: a pitch to either side, within what was
     scanned. NaN of one place."""
-    every = np.array([p.station.x_m for p in presses])
-    pitch = pitch_m(every)
+    scanned_m = np.array([p.station.x_m for p in presses])
+    pitch = pitch_m(scanned_m)
     if np.isnan(pitch):
         return float("nan"), float("nan")
-    return max(x_m - pitch, float(np.nanmin(every))), min(x_m + pitch, float(np.nanmax(every)))
+    return max(x_m - pitch, float(np.nanmin(scanned_m))), min(
+        x_m + pitch, float(np.nanmax(scanned_m))
+    )
 
 
 def _is_pulse(press: Press) -> float:

@@ -112,22 +112,22 @@ def detect(
         area = over_area(presses)
         objects = objects_in(area, moving, false_alarm) or unnamed_line(area, false_alarm)
         if unfinished:
-            objects = [one.undecided(UNFINISHED) for one in objects]
+            objects = [thing.undecided(UNFINISHED) for thing in objects]
     elif _most_places(recording, judged) >= MIN_STATIONS:
         objects, least_pa = _in_rows(recording, presses, judged, false_alarm, unfinished)
-    elif found := lone_vessel(presses, rows, recording.face_m2):
-        objects = [found]
+    elif vessel := lone_vessel(presses, rows, recording.face_m2):
+        objects = [vessel]
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
     objects = with_sizes(recording, presses, objects)
-    objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
-    objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
+    objects = [replace(thing, confidence=stated(thing.confidence)) for thing in objects]
+    objects.sort(key=lambda thing: (np.isnan(thing.position_m), thing.position_m))
     beats = heart_rate(presses)
     shown_pa = _shown_pa(presses, false_alarm / 2 if mapped else false_alarm)
     stations = tuple(
-        _station(one, least, beats is not None)
-        for one, least in zip(presses, shown_pa, strict=True)
+        _station(press, least, beats is not None)
+        for press, least in zip(presses, shown_pa, strict=True)
     )
     known_pa = shown_pa[~np.isnan(shown_pa)]
     needed_pa = float(np.median(known_pa)) if len(known_pa) else float("nan")
@@ -160,25 +160,25 @@ def _in_rows(
     """
     last = max(range(len(presses)), key=lambda i: presses[i].station.index)
     least_pa: list[float] = []
-    found, lines = [], [in_row([presses[i] for i in row]) for row in rows if row]
+    by_row, lines = [], [in_row([presses[i] for i in row]) for row in rows if row]
     for row, line in zip(filter(None, rows), lines, strict=True):
-        mine = tuple(presses[i] for i in row)
+        in_line = tuple(presses[i] for i in row)
         is_open = unfinished and last in row
         if len(line.x_m) < MIN_STATIONS:
-            objects = pulsing_place(mine, is_open, recording.face_m2)
+            objects = pulsing_place(in_line, is_open, recording.face_m2)
             least_pa.append(float("inf"))
         elif is_open:
             end_x_m = presses[last].station.x_m
-            objects = open_objects(line, _moving(mine), false_alarm / len(rows), end_x_m)
+            objects = open_objects(line, _moving(in_line), false_alarm / len(rows), end_x_m)
             least_pa.append(least_bump_pa(line, false_alarm / len(rows), with_edges))
         else:
-            objects = only_pulses(objects_in(line, _moving(mine), false_alarm / len(rows)), line)
+            objects = only_pulses(objects_in(line, _moving(in_line), false_alarm / len(rows)), line)
             objects = beside_named(line, objects, DOUBT / len(rows)) if objects else []
             least_pa.append(least_bump_pa(line, false_alarm / len(rows)))
-        found.append((recording.stations[row[0]].y_m, objects))
-    named = across_rows(found, _pitch_m(recording))
+        by_row.append((recording.stations[row[0]].y_m, objects))
+    named = across_rows(by_row, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
-    y_m, area = [y_m for y_m, _ in found], over_area(presses)
+    y_m, area = [y_m for y_m, _ in by_row], over_area(presses)
     if named and not unfinished and _moving(presses) is None and len(area.level_pa) >= MIN_PRESSES:
         named = or_lines(named, area.levels(), y_m)
     if named or unfinished:
@@ -204,30 +204,30 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
         return []
     if not moved:
         return _beyond(presses)
-    one = min(moved, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
-    assert one.cause is not None
-    rival = one.cause.rival
-    x_m = one.station.x_m
+    press = min(moved, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
+    assert press.cause is not None
+    rival = press.cause.rival
+    x_m = press.station.x_m
     return [ObjectFinding(
-        UNDECIDED, x_m, beside(x_m, presses), float("nan"), one.size_pa, one.cause.pulse,
-        f"something moves at station {one.station.index + 1}: a pulse with "
-        f"{percent(one.cause.pulse)}, {rival} with {percent(one.cause.share[rival])}; "
+        UNDECIDED, x_m, beside(x_m, presses), float("nan"), press.size_pa, press.cause.pulse,
+        f"something moves at station {press.station.index + 1}: a pulse with "
+        f"{percent(press.cause.pulse)}, {rival} with {percent(press.cause.share[rival])}; "
         f"{MOVERS[rival].advice}, or hold longer",
     )]  # fmt: skip
 
 
 def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     """What beats at a rate that no pulse is looked for at: undecided, where it is largest."""
-    some = [p for p in presses if p.beyond_hz is not None]
-    if not some:
+    beating = [p for p in presses if p.beyond_hz is not None]
+    if not beating:
         return []
-    one = max(some, key=lambda p: p.size_pa)
-    x_m, slow, fast = one.station.x_m, 60 * SLOWEST_HZ, 60 * FASTEST_HZ
+    press = max(beating, key=lambda p: p.size_pa)
+    x_m, slow, fast = press.station.x_m, 60 * SLOWEST_HZ, 60 * FASTEST_HZ
     return [ObjectFinding(
-        UNDECIDED, x_m, beside(x_m, presses), float("nan"), one.size_pa, 0.0,
-        f"something beats about {60 * (one.beyond_hz or 0.0):.0f} times a minute at station "
-        f"{one.station.index + 1}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with "
-        "a reference (PPG or ECG), or hold longer",
+        UNDECIDED, x_m, beside(x_m, presses), float("nan"), press.size_pa, 0.0,
+        f"something beats about {60 * (press.beyond_hz or 0.0):.0f} times a minute at station "
+        f"{press.station.index + 1}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare "
+        "with a reference (PPG or ECG), or hold longer",
     )]  # fmt: skip
 
 
@@ -264,7 +264,7 @@ def _shown_pa(presses: tuple[Press, ...], false_alarm: float) -> Array:
 def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished: bool) -> Kind:
     if not any(p.pulse is not None for p in presses):
         return UNDECIDED
-    kinds = {one.kind for one in objects}
+    kinds = {thing.kind for thing in objects}
     order = (*NAMED, UNDECIDED)
     return next((kind for kind in order if kind in kinds), UNDECIDED if unfinished else "nothing")
 
@@ -324,13 +324,13 @@ def _why_no_station(recording: Recording) -> str:
 
 def _reasons(objects: list[ObjectFinding]) -> str:
     """Each reason once; one that only one of several objects has, with that one's place."""
-    all_reasons = [one.reason for one in objects]
+    all_reasons = [thing.reason for thing in objects]
     placed = [
-        one.reason
-        if len(objects) == 1 or all_reasons.count(one.reason) > 1 or np.isnan(one.position_m)
-        else f"at x = {1e3 * one.position_m:.2f} mm: {one.reason}"
-        for one in objects
-        if one.reason
+        thing.reason
+        if len(objects) == 1 or all_reasons.count(thing.reason) > 1 or np.isnan(thing.position_m)
+        else f"at x = {1e3 * thing.position_m:.2f} mm: {thing.reason}"
+        for thing in objects
+        if thing.reason
     ]
     return "; ".join(dict.fromkeys(placed))
 
@@ -344,11 +344,11 @@ def _station(press: Press, shown_pa: float, beats: bool) -> StationFinding:
         moved = f"what moves is more likely {press.cause.rival} than a pulse"
         if press.cause.pulse < press.cause.share[press.cause.rival]:
             note = f"{note}; {moved}" if note else moved
-    found = StationFinding(s.index + 1, s.x_m, s.y_m, press.clipped, note)
+    station = StationFinding(s.index + 1, s.x_m, s.y_m, press.clipped, note)
     if p is None:
-        return found
+        return station
     return replace(
-        found,
+        station,
         baseline_pa=p.baseline_pa,
         baseline_sd_pa=p.baseline_sd_pa,
         pulse_pa=p.size_pa,

@@ -32,11 +32,11 @@ FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens,
 # press is judged, from MIN_LIMIT_SHARE of the usual limit on (7 % at 1.5 mm; 5 % at 2.5 mm, 455 Pa
 # of 8.7 kPa).
 JUDGED_SHARE = 0.25
-# From SOFT_SHARE of the limit on, a force that does not move at all over so much way is judged
-# too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
+# Above SOFT_SHARE of the limit, a force that stays constant over SOFT_WAY_M also trips. Over a lone
+# vessel the force stays constant for a quarter of a millimetre, where the vessel bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
-# And over so much way also a force that barely stands out of the noise, where the rise that should
-# have followed does too. Below SOFT_SHARE of the limit the sensor may measure a cable that drags.
+# Over FAINT_WAY_M a force that barely exceeds the noise also trips, if the rise that should have
+# followed would exceed it too. Below SOFT_SHARE of the limit the sensor may measure a dragging cable.
 FAINT_WAY_M = 1e-3
 # A press's end is judged once the tip rests: the force stood still over the last part of the way,
 # and for as long again at rest. A beat or a relaxation that hid the rise of a true force would have

@@ -44,8 +44,8 @@ of revolution along a radius: up to 8, there 15, of ten nodes or fewer
 ENTERING_PCT = 1.0
 """How much nodes that enter the contact one by one change the force, in per cent of the mean force
 of one node in contact: peak to peak over depth 0.4 to 1.6 %, median 0.9
-(benchmarks/entering_nodes.py at c51866cd). It falls so slowly that no finer mesh is made for it,
-nor for less: it is stated."""
+(benchmarks/entering_nodes.py at c51866cd). This error decreases too slowly with
+mesh size to be worth refining for; it is part of the stated error."""
 MAX_UNKNOWNS = 20_000
 """No mesh is made that would have more, by the square of how much finer it is: where the coarser
 one's answer does not carry over, and the finger has to go all the way down again, that is a minute.

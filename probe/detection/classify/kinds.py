@@ -42,11 +42,10 @@ EVEN = "between "
 MIN_REASON = 0.1
 """Least probability of one of these to say what would decide about it."""
 REASONS = {
-    ONE_PRESS: "one press alone is stiffer or softer than the others: repeat it, and press beside "
-    "it",
-    UNEVEN_ROW: "the level waves from end to end, as over an uneven surface, sinks far from the "
-    "ends, as a high block's does, or is higher on one side, as beside a bone: press as deep from "
-    "where the surface is at each station, beyond that side, or in a row across this one",
+    ONE_PRESS: "a single press differs from its neighbours: repeat it, and press beside it",
+    UNEVEN_ROW: "the whole row is uneven (surface, tall block, or bone at one side), so this bump "
+    "may be no object: measure the surface at each station, extend the row past its stiffer end, "
+    "or scan a row across this one",
 }
 PRIOR: dict[str, float] = {LUMP: 0.3, HEALTHY: 0.3, NARROWED: 0.3, ELSE: 0.1}
 """Of an object that is there: the three kinds alike, a tenth for what none of them is."""

@@ -84,26 +84,26 @@ def find_bumps(
     if n < MIN_STATIONS or not seen.spacing_m > 0:
         return ()
     each = seen.unknowns
-    while len(known) < most and (left := n - seen.base.shape[1] - each * len(known)) > each:
+    while len(known) < most and (spare := n - seen.base.shape[1] - each * len(known)) > each:
         new, p_value = _next(seen, known, rising)
         # those of a row that are equally clear hide each other: each looks like the others'
         # scatter; in an area several along a line may be what a bone's edge is
         *_, rest = weighted(seen, known)
         before = float(rest @ rest)
-        most_new = min(TOGETHER, most - len(known), (left - 1) // each) if seen.is_row else 1
+        most_new = min(TOGETHER, most - len(known), (spare - 1) // each) if seen.is_row else 1
         counts = range(2, most_new + 1)
-        best = [_chance_together(seen, left, before, 0.0, count) for count in counts]
+        best = [_chance_together(seen, spare, before, 0.0, count) for count in counts]
         for k in range(len(counts)):
             if p_value <= false_alarm or min(best[k:]) > false_alarm:
                 break
             new, p_value = _together(seen, known, new, rising, before)
         if p_value > false_alarm:
             break
-        every = refined(seen, [*known, *new], rising)
-        if seen.is_row and len(new) == 1 and most - len(known) > 1 and left > 2 * each:
-            every = _or_two_beside(seen, known, new, rising, every)
-        chances += [p_value] * (len(every) - len(known))
-        known = every
+        bumps = refined(seen, [*known, *new], rising)
+        if seen.is_row and len(new) == 1 and most - len(known) > 1 and spare > 2 * each:
+            bumps = _or_two_beside(seen, known, new, rising, bumps)
+        chances += [p_value] * (len(bumps) - len(known))
+        known = bumps
     return _described(seen, known, chances, rising)
 
 
@@ -119,22 +119,22 @@ def least_height(seen: Map, false_alarm: float) -> float:
     column[:n] = bump_at(seen.place_m, middle) / seen.sd
     q, _ = np.linalg.qr(fitted)
     column -= q @ (q.T @ column)
-    one = -np.expm1(np.log1p(-false_alarm) / _independent(PLACES * (n - 2)))
-    left = max(n - count - 3, 1) + TRUSTED
-    wanted = float(ncfdtrinc(3, left, 0.1, fdtri(3, left, 1 - one)))
+    chance_each = -np.expm1(np.log1p(-false_alarm) / _independent(PLACES * (n - 2)))
+    dof = max(n - count - 3, 1) + TRUSTED
+    wanted = float(ncfdtrinc(3, dof, 0.1, fdtri(3, dof, 1 - chance_each)))
     scatter = max((float(rest @ rest) + TRUSTED) / (n - count + TRUSTED), 1.0)
     return float(np.sqrt(wanted * scatter / (column @ column)))
 
 
 def evenness(seen: Map) -> float:
     """How often its base and a scatter of its ``sd`` leave a map as uneven as this one."""
-    *_, left = weighted(seen, [])
-    return float(chdtrc(len(seen.value) - seen.base.shape[1], float(left @ left)))
+    *_, residual = weighted(seen, [])
+    return float(chdtrc(len(seen.value) - seen.base.shape[1], float(residual @ residual)))
 
 
 def at_places(seen: Map, bumps: Iterable[Bump]) -> tuple[Bump, ...]:
     """The same bumps' heights in another map of the same stations, their places kept."""
-    known = [one.shape for one in bumps]
+    known = [bump.shape for bump in bumps]
     return _described(seen, known, [1.0] * len(known), None)
 
 
@@ -142,23 +142,23 @@ def _next(seen: Map, known: list[Array], rising: bool) -> tuple[list[Array], flo
     """The clearest further bump and its chance."""
     pitch, n = seen.spacing_m, len(seen.value)
     centres = _centres(seen, rising)
-    for one in known:
-        apart = np.sqrt(((centres - one[:-1]) ** 2).sum(axis=1))
+    for bump in known:
+        apart = np.sqrt(((centres - bump[:-1]) ** 2).sum(axis=1))
         centres = centres[apart >= MIN_DISTANCE * pitch]
     if not len(centres):
         return [np.append(seen.place_m.mean(axis=0), pitch)], 1.0
     width = tried_m(pitch, seen.span_m)
-    _, a, _, left = weighted(seen, known)
-    before, most, best = float(left @ left), -1.0, centres[0]
+    _, a, _, residual = weighted(seen, known)
+    before, most, best = float(residual @ residual), -1.0, centres[0]
     parts = min(-(-len(centres) * len(width) * n // AT_ONCE), len(centres))
-    for some in np.array_split(centres, parts):
-        square = ((seen.place_m[:, None] - some) ** 2).sum(axis=2)[:, :, None] / width**2
-        drop, height = explained(a, left, fallen(square).reshape(n, -1) / seen.sd[:, None])
+    for part in np.array_split(centres, parts):
+        square = ((seen.place_m[:, None] - part) ** 2).sum(axis=2)[:, :, None] / width**2
+        drop, height = explained(a, residual, fallen(square).reshape(n, -1) / seen.sd[:, None])
         if rising:
             drop[height < 0] = 0.0
         k = int(np.argmax(drop))
         if drop[k] > most:
-            most, best = float(drop[k]), np.append(some[k // len(width)], width[k % len(width)])
+            most, best = float(drop[k]), np.append(part[k // len(width)], width[k % len(width)])
     dof = n - seen.base.shape[1] - seen.unknowns * len(known)
     p_value = chance(before, before - most, seen.unknowns, dof, _independent(len(centres)))
     return [best], p_value
@@ -179,9 +179,9 @@ def _together(
     """``new`` bumps with the one that is clearest beside them, or in place of a single one the two
     beside it, and the chance of all together; ``before`` is the sum of squares without them."""
     more, _ = _next(seen, [*known, *new], rising)
-    every = refined(seen, [*known, *new, *more], rising, steps=FEW_STEPS)
-    *_, rest = weighted(seen, every)
-    new, after = every[len(known) :], float(rest @ rest)
+    bumps = refined(seen, [*known, *new, *more], rising, steps=FEW_STEPS)
+    *_, rest = weighted(seen, bumps)
+    new, after = bumps[len(known) :], float(rest @ rest)
     if len(new) == 2:
         two, as_two = _two_beside(seen, known, new[0], rising)
         new, after = (two, as_two) if as_two < after else (new, after)
@@ -196,24 +196,24 @@ def _chance_together(seen: Map, dof: int, before: float, after: float, count: in
 
 
 def _or_two_beside(
-    seen: Map, known: list[Array], new: list[Array], rising: bool, every: list[Array]
+    seen: Map, known: list[Array], new: list[Array], rising: bool, bumps: list[Array]
 ) -> list[Array]:
     """``every`` bump with the ``new`` one, or with the two beside it if they explain the row
     better, whatever ``new`` looks like: between two lumps a row dips, and two near each other look
     like one that is wide."""
     n = len(seen.value)
     cost = COST_OF_TWO * np.log(n)
-    *_, left = weighted(seen, every)
-    if left @ left < cost:  # two that leave nothing would not be better
-        return every
+    *_, residual = weighted(seen, bumps)
+    if residual @ residual < cost:  # two that leave nothing would not be better
+        return bumps
     two, as_two = _two_beside(seen, known, new[0], rising)
     dof = max(n - seen.base.shape[1] - 3 * (len(known) + 2), 1)
     most = as_two + cost * max((as_two + TRUSTED) / (dof + TRUSTED), 1.0)
     for tail in (TAIL, *OTHER_TAILS):
-        one = every if tail == TAIL else refined(seen, [*known, *new], rising, tail)
-        *_, left = weighted(seen, one, tail)
-        if left @ left < most:
-            return every
+        fitted = bumps if tail == TAIL else refined(seen, [*known, *new], rising, tail)
+        *_, residual = weighted(seen, fitted, tail)
+        if residual @ residual < most:
+            return bumps
     return refined(seen, [*known, *two], rising)
 
 
@@ -251,11 +251,11 @@ def chance(before: float, after: float, unknowns: int, dof: int, independent: fl
     """How often bumps with ``unknowns`` explain as much in a map of nothing, at any of so many
     ``independent`` places and widths."""
     # the scatter is what is left, but never less than what the stations themselves have
-    left = max(dof - unknowns, 1) + TRUSTED
-    scatter = max((after + TRUSTED) / left, 1.0)
+    dof_left = max(dof - unknowns, 1) + TRUSTED
+    scatter = max((after + TRUSTED) / dof_left, 1.0)
     ratio = max(before - after, 0.0) / unknowns / scatter
-    one = min(float(fdtrc(unknowns, left, ratio)), 1 - 1e-16)
-    return float(-np.expm1(independent * np.log1p(-one)))
+    once = min(float(fdtrc(unknowns, dof_left, ratio)), 1 - 1e-16)
+    return float(-np.expm1(independent * np.log1p(-once)))
 
 
 def _independent(places: int) -> float:
@@ -269,8 +269,8 @@ def _described(
     """``rising``: as in `find_bumps`; None where places and widths are known, from another map."""
     if not known:
         return ()
-    columns, a, b, left = weighted(seen, known)
-    n, count, rss = len(seen.value), seen.base.shape[1], float(left @ left)
+    columns, a, b, residual = weighted(seen, known)
+    n, count, rss = len(seen.value), seen.base.shape[1], float(residual @ residual)
     coefficients = np.linalg.pinv(a) @ b
     dof = max(n - count - seen.unknowns * len(known), 1)
     scatter = (rss + TRUSTED) / (dof + TRUSTED)
@@ -280,14 +280,14 @@ def _described(
         place_sd = np.hypot(place_sd, other_shapes_sd_m(seen, known, rss, scatter, rising))
     reach = float(stdtrit(dof + TRUSTED, 0.975)) * place_sd
     bumps = []
-    for k, (one, p_value) in enumerate(zip(known, chances, strict=True)):
+    for k, (bump, p_value) in enumerate(zip(known, chances, strict=True)):
         alone = uneven = 0.0
         if rising is False:  # of a pulse, only a vessel
             alone = odds_of_one_press(seen, known, k, rss, scatter)
             uneven = odds_of_uneven(seen, known, k, rss, scatter)
-        nearest = int(np.argmin(((seen.place_m - one[:-1]) ** 2).sum(axis=1)))
+        nearest = int(np.argmin(((seen.place_m - bump[:-1]) ** 2).sum(axis=1)))
         bumps.append(Bump(
-            one[:-1], reach[k], float(heights[k]), float(height_sd[k]), float(one[-1]),
+            bump[:-1], reach[k], float(heights[k]), float(height_sd[k]), float(bump[-1]),
             float(under[nearest]), p_value, alone, uneven,
         ))  # fmt: skip
     return tuple(sorted(bumps, key=lambda bump: bump.p_value))

@@ -140,16 +140,16 @@ def _vessel(ridge: Ridge, seen: _Seen) -> ObjectFinding:
 def _object(place: Place, seen: _Seen) -> ObjectFinding:
     """What lies at a place; at an end of what was pressed it is not named, and may lie as far
     beyond as its half width."""
-    found = _judged(place, seen)
+    thing = _judged(place, seen)
     if not _at_an_end(place.at_m, seen):
-        return found
+        return thing
     bump = place.pulse or place.level
     assert bump is not None
-    low, high = found.position_ci_m
+    low, high = thing.position_ci_m
     below = place.at_m[0] < (seen.pressed.x_m.min() + seen.pressed.x_m.max()) / 2
     beyond_m = (low - bump.half_width_m, high) if below else (low, high + bump.half_width_m)
-    found = replace(found, position_ci_m=beyond_m)
-    return found.undecided(AT_AN_END) if found.is_named else found
+    thing = replace(thing, position_ci_m=beyond_m)
+    return thing.undecided(AT_AN_END) if thing.is_named else thing
 
 
 def _at_an_end(at_m: Array, seen: _Seen) -> bool:

@@ -29,16 +29,16 @@ def open_objects(
     open end, and every one of a row that has fewer stations than show a bump beside what may
     follow, is undecided.
     """
-    found = objects_in(line, pulse, false_alarm, with_edges(line.x_m))
+    objects = objects_in(line, pulse, false_alarm, with_edges(line.x_m))
     pitch = pitch_m(line.x_m) if len(line.x_m) > 1 else 0.0
     short = len(line.x_m) < MIN_NAMED
     begin_m, end_m = sorted(line.x_m[[0, -1]].tolist(), key=lambda x: -abs(x - end_x_m))
     settled = []
-    for one in found:
-        if pulse is None and begin_m in one.position_ci_m:
+    for thing in objects:
+        if pulse is None and begin_m in thing.position_ci_m:
             continue
-        kept = replace(one, position_ci_m=_towards(end_m, one.position_ci_m, line))
-        near = short or abs(one.position_m - end_m) < MIN_BEYOND * pitch
+        kept = replace(thing, position_ci_m=_towards(end_m, thing.position_ci_m, line))
+        near = short or abs(thing.position_m - end_m) < MIN_BEYOND * pitch
         reason = OR_BEYOND if end_m in kept.position_ci_m else REASON
         settled.append(kept.undecided(reason) if near else kept)
     return settled
@@ -64,7 +64,7 @@ def only_pulses(objects: list[ObjectFinding], line: Pressed) -> list[ObjectFindi
         f"{count} stations do not show whether this is a lump or what lies beyond their ends: "
         "a longer row does"
     )
-    return [one.undecided(reason) if one.kind == LUMP else one for one in objects]
+    return [thing.undecided(reason) if thing.kind == LUMP else thing for thing in objects]
 
 
 def least_bump_pa(

@@ -57,14 +57,14 @@ def _left(line: Pressed, base: Array) -> float:
 def doubtful(
     lines: list[Pressed], least_pa: list[float], y_m: list[float], station_m: float
 ) -> list[ObjectFinding]:
-    """Of finished rows at ``y_m`` without an object: what a lump could be, undecided, where a row
-    would not show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`; ``station_m``: the
-    rows' pitch.
+    """What may be a lump in finished rows at ``y_m`` that show no object, undecided. Only rows that
+    would not show a lump (`LUMP_SHARE`) are asked. ``least_pa``: each row's `least_bump_pa`;
+    ``station_m``: the rows' pitch.
 
-    That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
-    scatter, one as high as a lump: several lumps look like a scatter of each other. Of rows without
-    one, that which is bent most, if it is at least as half a lump bends it. Since a curved surface
-    may have made either, a lump may lie anywhere in the row.
+    A bump counts if its chance is below `DOUBT`, or if it is as high as a lump in a row that is
+    more uneven than its presses scatter, since several lumps look like scatter. If no row has such
+    a bump, the row with the largest curvature is reported, provided that it reaches half a lump's.
+    A curved surface may have caused either, so a lump may lie anywhere in the row.
     """
     found: list[list[ObjectFinding]] = [[] for _ in lines]
     bent = []

@@ -47,12 +47,12 @@ def unnamed_line(pressed: Pressed, false_alarm: float) -> list[ObjectFinding]:
 def _straight_rise(seen: Map) -> tuple[float, float]:
     """The chance of a step or ridge as clear as the clearest anywhere in a map that has none, and
     its height, negative where it is a furrow."""
-    _, a, _, left = weighted(seen, [])
-    before, most, rise_pa = float(left @ left), 0.0, 0.0
+    _, a, _, residual = weighted(seen, [])
+    before, most, rise_pa = float(residual @ residual), 0.0, 0.0
     for along_m in directions(seen).T:
         for form in (shape, step):
             columns = rises_anywhere(along_m, seen.spacing_m, form)[:, :, 0].T
-            drop, height = explained(a, left, columns / seen.sd[:, None])
+            drop, height = explained(a, residual, columns / seen.sd[:, None])
             if drop.max() > most:
                 k = int(np.argmax(drop))
                 most, rise_pa = float(drop[k]), float(height[k] * np.ptp(columns[:, k]))
@@ -70,19 +70,19 @@ def or_lines(
     groups = _straight(named, levels.spacing_m, rows_m)
     if levels.spacing_m <= 0 or not groups:
         return named
-    rest = [one for one in named if not any(one in group for group in groups)]
+    rest = [lump for lump in named if not any(lump in group for group in groups)]
     balls = [_balls(levels, group) for group in groups]
     lines = [_lines(levels, group) for group in groups]
-    beside = [_balls(levels, [one]) for one in rest]
-    as_lines = _left(levels, [*lines, *beside])
+    others = [_balls(levels, [lump]) for lump in rest]
+    as_lines = _left(levels, [*lines, *others])
     dof = max(len(levels.value) - levels.base.shape[1] - levels.unknowns * len(named), 1)
     scatter = max((as_lines + TRUSTED) / (dof + TRUSTED), 1.0)
-    found = rest
+    judged = rest
     for k, group in enumerate(groups):
-        as_ball = _left(levels, [*lines[:k], balls[k], *lines[k + 1 :], *beside])
+        as_ball = _left(levels, [*lines[:k], balls[k], *lines[k + 1 :], *others])
         line = float(expit((as_ball - as_lines) / (2 * scatter)))
-        found = [*found, *_or_line(group, line)]
-    return found
+        judged = [*judged, *_or_line(group, line)]
+    return judged
 
 
 def _straight(
@@ -91,38 +91,38 @@ def _straight(
     """Lumps whose course is straight from the first row to the last, each by itself; of what is
     left all, if together it is so."""
 
-    def is_line(some: list[ObjectFinding]) -> bool:
-        points_m = _points(some)
-        if len(points_m) < MIN_POINTS or not any(one.is_named for one in some):
+    def is_line(lumps: list[ObjectFinding]) -> bool:
+        points_m = _points(lumps)
+        if len(points_m) < MIN_POINTS or not any(lump.is_named for lump in lumps):
             return False
         off_m = points_m - points_m.mean(axis=0)
         aside_m = off_m @ np.linalg.svd(off_m, full_matrices=False)[2][1]
         reaches = points_m[0, 1] <= min(rows_m) and points_m[-1, 1] >= max(rows_m)
         return bool(reaches and np.abs(aside_m).max() <= MIN_DISTANCE * station_m)
 
-    groups = [[one] for one in named if is_line([one])]
-    left = [one for one in named if [one] not in groups]
-    return [*groups, left] if is_line(left) else groups
+    groups = [[lump] for lump in named if is_line([lump])]
+    others = [lump for lump in named if [lump] not in groups]
+    return [*groups, others] if is_line(others) else groups
 
 
-def _points(some: list[ObjectFinding]) -> Array:
+def _points(lumps: list[ObjectFinding]) -> Array:
     """Where rows show them, (k, 2), in order of y."""
-    points_m = np.array([place for one in some for place in one.course]).reshape(-1, 2)
+    points_m = np.array([place for lump in lumps for place in lump.course]).reshape(-1, 2)
     return np.asarray(points_m[np.argsort(points_m[:, 1])])
 
 
-def _balls(levels: Map, some: list[ObjectFinding]) -> Array:
+def _balls(levels: Map, lumps: list[ObjectFinding]) -> Array:
     """What a ball at any place of a course makes of each press, (n, places and widths)."""
     widths_m = tried_m(levels.spacing_m, levels.span_m)
-    points_m = _points(some) if some[0].course else levels.place_m
+    points_m = _points(lumps) if lumps[0].course else levels.place_m
     return np.column_stack([
         bump_at(levels.place_m, np.append(place_m, w)) for place_m in points_m for w in widths_m
     ])  # fmt: skip
 
 
-def _lines(levels: Map, some: list[ObjectFinding]) -> Array:
+def _lines(levels: Map, lumps: list[ObjectFinding]) -> Array:
     """What the straight line along a course makes of each press, (n, widths)."""
-    points_m = _points(some)
+    points_m = _points(lumps)
     middle_m = points_m.mean(axis=0)
     across = np.linalg.svd(points_m - middle_m, full_matrices=False)[2][1]
     aside_m = (levels.place_m - middle_m) @ across
@@ -136,25 +136,25 @@ def _left(levels: Map, sets: list[Array]) -> float:
     chosen: dict[int, Array] = {}
     for _ in range(SWEEPS):
         for k, columns in enumerate(sets):
-            beside = np.column_stack([a, *(c for j, c in chosen.items() if j != k)])
-            drop, _ = explained(beside, b, columns / levels.sd[:, None])
+            columns_so_far = np.column_stack([a, *(c for j, c in chosen.items() if j != k)])
+            drop, _ = explained(columns_so_far, b, columns / levels.sd[:, None])
             best = np.zeros(len(a))
             best[: len(columns)] = columns[:, int(np.argmax(drop))] / levels.sd
             chosen[k] = best
     q, _ = np.linalg.qr(np.column_stack([a, *chosen.values()]))
-    left = b - q @ (q.T @ b)
-    return float(left @ left)
+    residual = b - q @ (q.T @ b)
+    return float(residual @ residual)
 
 
 def _or_line(group: list[ObjectFinding], line: float) -> list[ObjectFinding]:
     """The lumps of ``group``, or one undecided object if they are a line with probability ``line``
     and none is sure enough then."""
-    clearest = max(group, key=lambda one: one.confidence)
+    clearest = max(group, key=lambda lump: lump.confidence)
     confidence = clearest.confidence * (1 - ELSE_OF_A_LINE * line)
     if confidence >= MIN_POSTERIOR:
         return group
     points_m = _points(group)
-    ends_m = [end for one in group for end in one.position_ci_m]
+    ends_m = [end for lump in group for end in lump.position_ci_m]
     return [replace(
         clearest, kind=UNDECIDED, confidence=stated(confidence),
         position_m=float(np.median(points_m[:, 0])), position_ci_m=(min(ends_m), max(ends_m)),

@@ -33,22 +33,24 @@ def across_rows(rows: list[Row], pitch_m: float) -> list[ObjectFinding]:
         return rows[0][1]
     chains: list[Chain] = []
     for number, (y_m, objects) in enumerate(rows):
-        for one in sorted(objects, key=lambda o: -o.confidence):
-            chain = _nearest(chains, number, one, pitch_m)
+        for thing in sorted(objects, key=lambda o: -o.confidence):
+            chain = _nearest(chains, number, thing, pitch_m)
             if chain is None:
-                chains.append([(number, y_m, one)])
+                chains.append([(number, y_m, thing)])
             else:
-                chain.append((number, y_m, one))
+                chain.append((number, y_m, thing))
     return [_course(chain, [y_m for y_m, _ in rows]) for chain in chains]
 
 
-def _nearest(chains: list[Chain], number: int, one: ObjectFinding, pitch_m: float) -> Chain | None:
+def _nearest(
+    chains: list[Chain], number: int, thing: ObjectFinding, pitch_m: float
+) -> Chain | None:
     """The chain that goes on in this object; one that has none in this row yet."""
     reach = [
-        (abs(chain[-1][2].position_m - one.position_m), chain)
+        (abs(chain[-1][2].position_m - thing.position_m), chain)
         for chain in chains
         if 1 <= number - chain[-1][0] <= 1 + MAX_MISSED_ROWS
-        and abs(chain[-1][2].position_m - one.position_m)
+        and abs(chain[-1][2].position_m - thing.position_m)
         <= MAX_STRAY_PITCHES * pitch_m * (number - chain[-1][0])
     ]
     return min(reach, key=lambda r: r[0])[1] if reach else None
@@ -56,38 +58,38 @@ def _nearest(chains: list[Chain], number: int, one: ObjectFinding, pitch_m: floa
 
 def _course(chain: Chain, rows_m: list[float]) -> ObjectFinding:
     """``rows_m`` are all rows' y [m]."""
-    course = tuple((one.position_m, y_m) for _, y_m, one in chain)
-    vessel = [one for _, _, one in chain if one.is_vessel]
+    course = tuple((thing.position_m, y_m) for _, y_m, thing in chain)
+    vessel = [thing for _, _, thing in chain if thing.is_vessel]
     if not vessel:
         kind: Kind = LUMP if any(o.kind == LUMP for _, _, o in chain) else UNDECIDED
         return replace(_clearest([o for _, _, o in chain if o.kind == kind]), course=course)
-    sure = max(one.confidence for one in vessel)
-    diseased = {number: _diseased(one) for number, _, one in chain}
+    sure = max(thing.confidence for thing in vessel)
+    diseased = {number: _diseased(thing) for number, _, thing in chain}
     sick = [
-        replace(one, kind=NARROWED, reason="",
-                confidence=one.confidence if one.kind == NARROWED else sure * p)
-        for number, _, one in chain if (p := diseased[number]) >= MIN_POSTERIOR
+        replace(thing, kind=NARROWED, reason="",
+                confidence=thing.confidence if thing.kind == NARROWED else sure * p)
+        for number, _, thing in chain if (p := diseased[number]) >= MIN_POSTERIOR
     ]  # fmt: skip
     if sick:
         stretch = _stretch([n for n, p in diseased.items() if p >= MIN_POSTERIOR], set(diseased))
         ends = rows_m[stretch[0]], rows_m[stretch[1]]
         return replace(_clearest(sick), course=course, stenosed_m=ends)
-    found = replace(_clearest(vessel), course=course)
+    whole_vessel = replace(_clearest(vessel), course=course)
     missed = set(range(chain[0][0], chain[-1][0])) - set(diseased)
     doubtful = sorted(missed | {n for n, p in diseased.items() if p > 1 - MIN_POSTERIOR})
     if not doubtful:
-        return found
+        return whole_vessel
     where = ", ".join(f"{1e3 * rows_m[n]:.1f}" for n in doubtful)
-    return found.undecided(
+    return whole_vessel.undecided(
         f"a vessel that beats less or not at all at y = {where} mm: stenosed or deeper there; hold "
         "longer there"
     )
 
 
-def _diseased(one: ObjectFinding) -> float:
+def _diseased(thing: ObjectFinding) -> float:
     """Probability that a vessel, known as one from other rows, is stenosed in this one."""
     known: dict[Kind, float] = {HEALTHY: 0.0, NARROWED: 1.0, LUMP: 1.0}
-    return known.get(one.kind, one.diseased)
+    return known.get(thing.kind, thing.diseased)
 
 
 def _stretch(sick: list[int], seen: set[int]) -> tuple[int, int]:
@@ -101,4 +103,4 @@ def _stretch(sick: list[int], seen: set[int]) -> tuple[int, int]:
 
 
 def _clearest(objects: list[ObjectFinding]) -> ObjectFinding:
-    return max(objects, key=lambda one: (one.confidence, abs(one.peak_pa)))
+    return max(objects, key=lambda thing: (thing.confidence, abs(thing.peak_pa)))

@@ -83,26 +83,26 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     """
     dead = dead_channels(recording.stations)
     out = [name for name, gone in zip(recording.channels, dead, strict=False) if gone]
-    found, measured, beating = _found(recording, dead, false_alarm)
+    alone, measured, beating = _found(recording, dead, false_alarm)
     pulsing, causes = beating.stations, beating.causes
     others = {} if pulsing or causes else _beyond(measured, false_alarm)
     asked = {i: beats_of(measured[i][0], train) for i, train in beating.trains.items()}
     heart = heart_of([(*measured[i], asked.get(i)) for i in pulsing])
     pulses = _sized([
-        pulse_at(one.hold, one.clearest, heart, i in pulsing, asked.get(i))
-        if one.hold and one.clearest else None
-        for i, one in enumerate(found)
+        pulse_at(own.hold, own.clearest, heart, i in pulsing, asked.get(i))
+        if own.hold and own.clearest else None
+        for i, own in enumerate(alone)
     ])  # fmt: skip
     if heart is not None:
-        pulses = _barely_seen(found, pulses)
+        pulses = _barely_seen(alone, pulses)
     return tuple(
         replace(
-            _press(station, one.hold, _with_level(one, pulse), _noted(one.note, out)),
-            pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
-            step_s=one.hold.step_s if one.hold else 0.0, beyond_hz=others.get(i),
+            _press(station, own.hold, _with_level(own, pulse), _noted(own.note, out)),
+            pulsing=i in pulsing, cause=causes.get(i), touched=own.touched,
+            step_s=own.hold.step_s if own.hold else 0.0, beyond_hz=others.get(i),
         )
-        for i, (station, one, pulse) in enumerate(
-            zip(recording.stations, found, pulses, strict=True)
+        for i, (station, own, pulse) in enumerate(
+            zip(recording.stations, alone, pulses, strict=True)
         )
     )  # fmt: skip
 
@@ -112,28 +112,28 @@ def _found(
 ) -> tuple[list["_Own"], dict[int, tuple[Hold, Clearest]], Beating]:
     """Every station by its reference, or by itself where that beats otherwise; those that can be
     judged; and which of these pulse."""
-    found = _each(recording, dead)
-    measured = _measured(found)
+    by_reference = _each(recording, dead)
+    measured = _measured(by_reference)
     beating = which_pulse(measured, recording, false_alarm)
     referred = {i: hold for i, (hold, clearest) in measured.items() if clearest.search is None}
     if not referred:
-        return found, measured, beating
+        return by_reference, measured, beating
     priors = dict(zip(referred, noise_priors(list(referred.values())), strict=True))
     alone = [
-        _searched(referred[i], priors[i], CONTRADICTED) if i in referred else one
-        for i, one in enumerate(found)
+        _searched(referred[i], priors[i], CONTRADICTED) if i in referred else own
+        for i, own in enumerate(by_reference)
     ]
     by_itself = _measured(alone)
     other = which_pulse(by_itself, recording, false_alarm)
     both = ((*measured[i], by_itself[i][1]) for i in other.stations if i in referred)
-    return (alone, by_itself, other) if contradicted(both) else (found, measured, beating)
+    return (alone, by_itself, other) if contradicted(both) else (by_reference, measured, beating)
 
 
-def _measured(found: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
+def _measured(each: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
     return {
-        i: (one.hold, one.clearest)
-        for i, one in enumerate(found)
-        if one.hold is not None and one.clearest is not None
+        i: (own.hold, own.clearest)
+        for i, own in enumerate(each)
+        if own.hold is not None and own.clearest is not None
     }
 
 
@@ -151,8 +151,8 @@ def _noted(note: str, out: Sequence[str]) -> str:
 
 def _beyond(measured: dict[int, tuple[Hold, Clearest]], false_alarm: float) -> dict[int, float]:
     """Stations in which something beats at a rate where no pulse is looked for [Hz]."""
-    found = {i: beyond(hold) for i, (hold, _) in measured.items()}
-    return {i: rate for i, (rate, chance) in found.items() if chance * len(found) <= false_alarm}
+    rates = {i: beyond(hold) for i, (hold, _) in measured.items()}
+    return {i: rate for i, (rate, chance) in rates.items() if chance * len(rates) <= false_alarm}
 
 
 @dataclass(frozen=True)
@@ -169,25 +169,25 @@ class _Own:
 def _each(recording: Recording, dead: Bools) -> list["_Own"]:
     """Every station by its reference, or else by its own search in the noise that all share."""
     holds: dict[int, Hold] = {}
-    found: dict[int, _Own] = {}
+    by_station: dict[int, _Own] = {}
     for i, station in enumerate(recording.stations):
         try:
             read = within_steps(unrounded(hold_of(station, dead)), station.index)
             hold = least_noise(read, station.index)
         except NoHold as error:
-            found[i] = _Own(None, None, str(error), not isinstance(error, NoContact))
+            by_station[i] = _Own(None, None, str(error), not isinstance(error, NoContact))
             continue
         beats_s = station.reference_s - hold.start_s
         own = find_pulse_by(hold, beats_s, station.reference) if len(station.reference) else None
         if own is None:
             holds[i] = hold
         else:
-            found[i] = _Own(hold, own)
+            by_station[i] = _Own(hold, own)
     for (i, hold), prior in zip(holds.items(), noise_priors(list(holds.values())), strict=True):
         unread = len(recording.stations[i].reference) > 0
         note = "its reference has no beats: judged without it" if unread else ""
-        found[i] = _searched(hold, prior, note)
-    return [found[i] for i in range(len(recording.stations))]
+        by_station[i] = _searched(hold, prior, note)
+    return [by_station[i] for i in range(len(recording.stations))]
 
 
 def _searched(hold: Hold, prior: Prior, note: str = "") -> _Own:
@@ -203,9 +203,9 @@ def _with_level(own: _Own, pulse: Pulse | None) -> Pulse | None:
     """With the level of the whole hold, so that presses of relaxing tissue compare."""
     if pulse is None or own.whole is None:
         return pulse
-    whole = fit(own.whole, design_of(own.whole), np.empty((len(own.whole.time_s), 0)))
+    level = fit(own.whole, design_of(own.whole), np.empty((len(own.whole.time_s), 0)))
     return replace(
-        pulse, baseline_pa=float(whole.rest_pa.mean()), baseline_sd_pa=whole.rest_mean_sd_pa
+        pulse, baseline_pa=float(level.rest_pa.mean()), baseline_sd_pa=level.rest_mean_sd_pa
     )
 
 
@@ -228,7 +228,7 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
     notes = [note] if note else []
     if pulse.baseline_pa < 0:
-        notes.append("it reads less than nothing: turn the sign, or take the zero in the air")
+        notes.append("its mean force is negative: check the sign, or tare in air")
     if hold.clipped > 0:
         notes.append(f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep")
     if hold.lost >= LEAST_LOST:
@@ -240,7 +240,7 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     return Press(station, pulse, scatter, hold.clipped, "; ".join(notes))
 
 
-def _barely_seen(found: list[_Own], pulses: list[Pulse | None]) -> list[Pulse | None]:
+def _barely_seen(each: list[_Own], pulses: list[Pulse | None]) -> list[Pulse | None]:
     """With the doubt of holds of less than `LEAST_BEAT`: their pulse may be any of the scan's."""
     largest_pa = max(pulse.size_pa for pulse in pulses if pulse is not None)
 
@@ -249,4 +249,4 @@ def _barely_seen(found: list[_Own], pulses: list[Pulse | None]) -> list[Pulse | 
             return pulse
         return replace(pulse, size_sd_pa=float(np.hypot(pulse.size_sd_pa, largest_pa)))
 
-    return [doubted(own, pulse) for own, pulse in zip(found, pulses, strict=True)]
+    return [doubted(own, pulse) for own, pulse in zip(each, pulses, strict=True)]

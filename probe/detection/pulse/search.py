@@ -31,8 +31,8 @@ SHAPE_HARMONICS = 3
 size and phase, instead of four."""
 PHASES = 24
 CHOICE = 0.66
-"""What choosing the best of all phases adds to a chi-square of two degrees, on average; its spread
-stays (400,000 holds of white noise)."""
+"""Mean increase of a chi-square of two degrees of freedom from taking the best of `PHASES`; its
+variance is unchanged (400,000 holds of white noise)."""
 SHARE = {"shaped": 0.7, "free": 0.2, "train": 0.1}
 """Of the chance of a false pulse, what each way of finding one may spend: a wave of the known
 shape, any two harmonics, a train of beats. Any shares that add up to 1 keep the chance; most pulses
@@ -63,14 +63,14 @@ Prior = Mapping[str, float]
 class Search:
     """What a hold says of a pulse at ``rates_hz`` (r,).
 
-    Each noise (m,) that counts, the likeliest beside a pulse first, has the log probability
-    ``noises`` (m,) where there is no pulse. One of the known shape, ``size`` [Pa] from trough to
-    crest, has in it the log likelihood ratio ``size * along - size**2 * power / 2`` at each rate
-    and phase (m, r, PHASES). ``clear`` (r,) is how far its best size and phase explain the hold, as
-    a chi-square of two degrees in a hold without a pulse. ``p_value`` is the chance of one as clear
-    at any rate and of any shape, ``rate_hz`` the clearest. ``gain`` (r,) is how far any two
-    harmonics explain the hold in white noise, as a log likelihood ratio. ``noise`` is the likeliest
-    beside a pulse. ``dof`` are the degrees of freedom that ``clear`` was judged by.
+    ``noises[m]`` is the log posterior of noise model m given no pulse, most likely first. A pulse
+    of the known shape and of ``size`` [Pa], trough to crest, has the log likelihood ratio ``size *
+    along - size**2 * power / 2`` in each noise, at each rate and phase (m, r, PHASES). ``clear``
+    (r,) is the chi-square (2 degrees of freedom without a pulse) that its best size and phase
+    explain. ``p_value`` is the chance of a pulse as clear at any rate and of any shape where there
+    is none, ``rate_hz`` the clearest rate. ``gain`` (r,) is the log likelihood ratio of any two
+    harmonics in white noise. ``noise`` is the most likely noise model given a pulse. ``dof`` are
+    the degrees of freedom that ``clear`` was judged by.
     """
 
     rates_hz: Array

@@ -94,11 +94,11 @@ def sizes_at(
     each rate (f,) over itself, None where the beats are known. ``beating_s`` (n,) where time is
     counted in another way for the harmonics.
     """
-    one, prior = _relaxing(hold, noise, noise_pa), np.tile(prior_pa, 2)
+    relaxing, prior = _relaxing(hold, noise, noise_pa), np.tile(prior_pa, 2)
     columns = _columns(hold, prior, rates_hz, late, beating_s)
     white = _white(hold, noise, noise_pa, columns.reshape(len(columns), -1))
-    white -= one.level @ (one.level.T @ white)
-    wave = _posterior(one, white.reshape(columns.shape))
+    white -= relaxing.level @ (relaxing.level.T @ white)
+    wave = _posterior(relaxing, white.reshape(columns.shape))
 
     count = prior.shape[1]
     beat = harmonics(PHASES, 1.0, count // 2)
@@ -145,35 +145,35 @@ class _Posterior:
     taking: Array
 
 
-def _posterior(one: _Relaxing, white: Array) -> _Posterior:
+def _posterior(relaxing: _Relaxing, white: Array) -> _Posterior:
     """Of columns (n, f, c) with weights N(0, 1), in tissue that relaxes by each of `RELAXING`.
 
     Relaxation is known in few directions, the wave in many: by Woodbury (1950) only a matrix of the
     former is inverted for each of both.
     """
-    across = np.moveaxis(np.tensordot(one.shapes, white, axes=(0, 0)), 0, 1)
-    right = np.tensordot(one.signal, white, axes=(0, 0))
+    across = np.moveaxis(np.tensordot(relaxing.shapes, white, axes=(0, 0)), 0, 1)
+    right = np.tensordot(relaxing.signal, white, axes=(0, 0))
     each = np.ascontiguousarray(np.moveaxis(white, 0, 1))
     precision = np.swapaxes(each, 1, 2) @ each + np.eye(white.shape[2])
     free = np.asarray(np.linalg.inv(precision), float)
     down = free @ np.swapaxes(across, 1, 2)
 
-    loss, shared = np.sqrt(one.lost), across @ down
-    left = np.eye(loss.shape[1]) - loss[:, :, None] * shared[:, None] * loss[:, None, :]
-    taking = loss[:, :, None] * np.linalg.inv(left) * loss[:, None, :]
+    loss, shared = np.sqrt(relaxing.lost), across @ down
+    damped = np.eye(loss.shape[1]) - loss[:, :, None] * shared[:, None] * loss[:, None, :]
+    taking = loss[:, :, None] * np.linalg.inv(damped) * loss[:, None, :]
 
-    along = one.shapes.T @ one.signal
-    lost = one.lost * along
+    along = relaxing.shapes.T @ relaxing.signal
+    lost = relaxing.lost * along
     pulled = right[:, None] @ down - lost @ shared
     weight = np.squeeze(taking @ pulled[..., None], axis=3) - lost
     mean = (free @ right[..., None])[:, None, :, 0] + weight @ np.swapaxes(down, 1, 2)
 
-    rss = one.signal @ one.signal - lost @ along
+    rss = relaxing.signal @ relaxing.signal - lost @ along
     explained = (mean * (right[:, None] - lost @ across)).sum(axis=2)
     # the volume that a wave takes compares relaxations only: by it slow hearts would be likelier,
     # whose ten harmonics have fewer directions in a hold
-    taken = np.linalg.slogdet(left)[1]
-    evidence = -0.5 * (rss - explained + one.volume + taken)
+    taken = np.linalg.slogdet(damped)[1]
+    evidence = -0.5 * (rss - explained + relaxing.volume + taken)
     return _Posterior(mean, evidence, free, down, taking)
 
 
@@ -188,9 +188,9 @@ def averaged(sizes: Sizes, evidence: Array) -> tuple[float, float]:
 def together(all_sizes: Sequence[Sizes]) -> list[Array]:
     """Log evidence (f, r) for each by all presses: what tissue relaxes by, over the force, it does
     everywhere, and presses that are measured at the same rates have the same heart."""
-    hearts = {one.rates_hz: -unusual(one.rates_hz)[:, None] for one in all_sizes}
-    for one in all_sizes:
-        hearts[one.rates_hz] = hearts[one.rates_hz] + one.evidence
+    hearts = {sizes.rates_hz: -unusual(sizes.rates_hz)[:, None] for sizes in all_sizes}
+    for sizes in all_sizes:
+        hearts[sizes.rates_hz] = hearts[sizes.rates_hz] + sizes.evidence
     relaxing = {rates: logsumexp(seen, axis=0) for rates, seen in hearts.items()}
-    whole = np.sum(list(relaxing.values()), axis=0)
-    return [hearts[one.rates_hz] + whole - relaxing[one.rates_hz] for one in all_sizes]
+    of_all = np.sum(list(relaxing.values()), axis=0)
+    return [hearts[sizes.rates_hz] + of_all - relaxing[sizes.rates_hz] for sizes in all_sizes]
