@@ -54,37 +54,39 @@ def with_sizes(
     explains, the two that do."""
     likelihood = likelihood_of(recording, presses)
     if isinstance(likelihood, str):
-        return [replace(one, sizes=unknown(likelihood)) for one in objects]
-    objects = sorted(objects, key=lambda one: one.position_m)
-    may = [may_be(one, likelihood.data.x_m) for one in objects]
+        return [replace(thing, sizes=unknown(likelihood)) for thing in objects]
+    objects = sorted(objects, key=lambda thing: thing.position_m)
+    may = [may_be(thing, likelihood.data.x_m) for thing in objects]
     if not 0 < len(objects) <= MOST or not all(may):
         why = "it has no kind yet" if len(objects) == 1 else "what lies beside it is not known"
-        return [replace(one, sizes=unknown(why)) for one in objects]
-    found = likeliest(product(*may), likelihood)
-    if found is None:
-        return [replace(one, sizes=unknown("the row has no room for it")) for one in objects]
-    posterior = explained(found, likelihood)
+        return [replace(thing, sizes=unknown(why)) for thing in objects]
+    chosen = likeliest(product(*may), likelihood)
+    if chosen is None:
+        return [replace(thing, sizes=unknown("the row has no room for it")) for thing in objects]
+    posterior = explained(chosen, likelihood)
     if isinstance(posterior, Misfit) and len(objects) == 1:
         pair = likeliest(pairs_with(may[0]), likelihood)
         of_pair = explained(pair, likelihood) if pair else None
         if pair and isinstance(of_pair, Posterior):
-            found, posterior = pair, of_pair
+            chosen, posterior = pair, of_pair
             name = objects[0].kind
             objects = [
                 object_of(n, pair, of_pair, likelihood, recording.face_m2, name) for n in range(2)
             ]
     elif isinstance(posterior, Posterior):
-        objects = [decided(one, float(p)) for one, p in zip(objects, found.vessel, strict=True)]
+        objects = [
+            decided(thing, float(p)) for thing, p in zip(objects, chosen.vessel, strict=True)
+        ]
     return [
-        replace(one, sizes=sizes(found.bodies, n, posterior, likelihood))
-        for n, one in enumerate(objects)
+        replace(thing, sizes=sizes(chosen.bodies, n, posterior, likelihood))
+        for n, thing in enumerate(objects)
     ]
 
 
-def explained(found: Likeliest, likelihood: Likelihood) -> "Posterior | Misfit | None":
+def explained(chosen: Likeliest, likelihood: Likelihood) -> "Posterior | Misfit | None":
     """The posterior of a row's bodies; None where it could not be sampled well enough."""
     for seed in range(SAMPLERS):
-        posterior = sample(found.model, np.random.default_rng(seed))
+        posterior = sample(chosen.model, np.random.default_rng(seed))
         freedom = len(likelihood.measured) - len(posterior.best)
         if chdtrc(freedom, posterior.chi2) < WORST:
             return Misfit(posterior.chi2, freedom)

@@ -120,9 +120,9 @@ class Likelihood:
     def predicted(self, bodies: Bodies, theta: Array) -> Array:
         """Logarithms of forces, and pulses over forces (m, n d + n), of ``theta`` (m, p)."""
         ratios = np.sum(self.ratios(bodies, theta), axis=0)
-        whole = np.maximum(1 + ratios[..., 0], 1e-3)
-        log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(whole)
-        pulse = (ratios[..., 1] / whole)[..., -1]
+        total = np.maximum(1 + ratios[..., 0], 1e-3)
+        log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(total)
+        pulse = (ratios[..., 1] / total)[..., -1]
         return np.hstack([log_force.reshape(len(theta), -1), pulse])
 
     def ratios(self, bodies: Bodies, theta: Array) -> list[Array]:
@@ -199,7 +199,7 @@ class Likelihood:
               for k in range(force.shape[1])),
             *(REPEATABILITY_M * steep * (np.arange(n) == k)[:, None] for k in range(n)),
         ]  # fmt: skip
-        of_force = np.array([one.ravel() for one in columns]).T
+        of_force = np.array([column.ravel() for column in columns]).T
         known = np.vstack([of_force, np.zeros((n, of_force.shape[1]))])
         variance = np.append(
             (data.force_sd_n / force) ** 2 + MODEL**2,
@@ -217,14 +217,15 @@ class Likelihood:
         near = np.exp(-np.abs(self.x[:, None] - self.x) / REACH)
         near_sunk = np.exp(-0.5 * ((self.sunk[:, None] - self.sunk) / REACH_SUNK) ** 2)
         ratios = [ratio[0] for ratio in self.ratios(bodies, about[None])]
-        whole = 1 + np.sum(ratios, axis=0)[..., 0]
+        total = 1 + np.sum(ratios, axis=0)[..., 0]
         n, depths = self.bare.shape
-        found = np.zeros((n * depths + n, n * depths + n))
+        covariance = np.zeros((n * depths + n, n * depths + n))
         for k, (kind, ratio) in enumerate(zip(bodies.kinds, ratios, strict=True)):
             own = bodies.of(about[None], k, self.block)
             off = self.table.ratios[kind.name].off_by(self.x, own)
-            bump = (np.hypot(off[:, :1], MODEL_OF_BUMP * ratio[..., 0]) / whole).ravel()
-            pulse = off[:, 1] / whole[:, -1]
-            found[: n * depths, : n * depths] += bump[:, None] * bump * np.kron(near, near_sunk)
-            found[n * depths :, n * depths :] += pulse[:, None] * pulse * near
-        return found
+            bump = (np.hypot(off[:, :1], MODEL_OF_BUMP * ratio[..., 0]) / total).ravel()
+            pulse = off[:, 1] / total[:, -1]
+            levels, pulses = slice(0, n * depths), slice(n * depths, None)
+            covariance[levels, levels] += np.outer(bump, bump) * np.kron(near, near_sunk)
+            covariance[pulses, pulses] += np.outer(pulse, pulse) * near
+        return covariance

@@ -43,12 +43,12 @@ def likeliest(rivals: Iterable[tuple[Kind, ...]], likelihood: Likelihood) -> Lik
     return Likeliest(each[best], models[best], softmax(evidence) @ beats)
 
 
-def may_be(one: ObjectFinding, row_m: Array) -> tuple[Kind, ...]:
+def may_be(thing: ObjectFinding, row_m: Array) -> tuple[Kind, ...]:
     """The kinds of body that an object may be: that of its name, or each where only its chances are
     too even to name it; none where it is undecided for another reason, as at an end of the row."""
-    if one.kind in HYPOTHESES:
-        return (HYPOTHESES[one.kind],)
-    even = one.reason.startswith(EVEN) and not _at_an_end(one.position_m, row_m)
+    if thing.kind in HYPOTHESES:
+        return (HYPOTHESES[thing.kind],)
+    even = thing.reason.startswith(EVEN) and not _at_an_end(thing.position_m, row_m)
     return KINDS if even else ()
 
 
@@ -61,31 +61,31 @@ def pairs_with(kinds: tuple[Kind, ...]) -> list[tuple[Kind, ...]]:
     return [pair for pair in product(KINDS, KINDS) if set(pair) & set(kinds)]
 
 
-def decided(one: ObjectFinding, vessel: float) -> ObjectFinding:
+def decided(thing: ObjectFinding, vessel: float) -> ObjectFinding:
     """An undecided object, where the chance that it is a ``vessel`` decides its kind."""
-    said = by_body(one.chances, vessel) if not one.is_named else None
+    said = by_body(thing.chances, vessel) if not thing.is_named else None
     if said is None:
-        return one
+        return thing
     kind, confidence, chances = said
-    return replace(one, kind=kind, confidence=confidence, chances=chances, reason="")
+    return replace(thing, kind=kind, confidence=confidence, chances=chances, reason="")
 
 
 def object_of(
-    n: int, found: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float,
+    n: int, chosen: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float,
     named: str,
 ) -> ObjectFinding:  # fmt: skip
     """The ``n``-th of two bodies in place of an object ``named`` so, judged by its own bump and
     pulse: no other name is given, since a bone or a layer may be taken for a second body."""
-    at = likelihood.half_width_m * posterior.points[:, found.bodies.column(n, "x")]
+    at = likelihood.half_width_m * posterior.points[:, chosen.bodies.column(n, "x")]
     low_m, at_m, high_m = likelihood.middle_m + posterior.quantiles(at)
-    bare_n, bump, pulse = likelihood.over(found.bodies, n, posterior.points)
+    bare_n, bump, pulse = likelihood.over(chosen.bodies, n, posterior.points)
 
     def known(values: Array) -> tuple[float, float]:
         mean = float(posterior.weights @ values)
         return mean, float(np.sqrt(posterior.weights @ (values - mean) ** 2))
 
     contrast, share = known(bump), known(pulse / (1 + bump))
-    said = judge(Seen(*share, *contrast, moving=float(found.vessel[n])))
+    said = judge(Seen(*share, *contrast, moving=float(chosen.vessel[n])))
     if said.kind != named:
         said = replace(said, kind=UNDECIDED, reason=MORE_THAN_ONE)
     if _at_an_end(float(at_m), likelihood.data.x_m):

@@ -40,26 +40,28 @@ def refined(
     """Places and half widths [m] of bumps that are ``known`` roughly, in as many ``steps`` as it
     takes or at most; ``rising`` ones may lie at a row's ends."""
     n, pitch = len(seen.value), seen.spacing_m
-    _, a, _, left = weighted(seen, [])
+    _, a, _, unexplained = weighted(seen, [])
     q, _ = np.linalg.qr(a)
 
-    def beside(columns: Array) -> Array:
+    def beside_base(columns: Array) -> Array:
         """What the base cannot explain of columns (n, k), weighted, above its prior's rows."""
-        whole = np.zeros((len(a), columns.shape[1]))
-        whole[:n] = columns / seen.sd[:, None]
-        return np.asarray(whole - q @ (q.T @ whole))
+        padded = np.zeros((len(a), columns.shape[1]))
+        padded[:n] = columns / seen.sd[:, None]
+        return np.asarray(padded - q @ (q.T @ padded))
 
     def bumps_of(p: Sequence[float]) -> list[Array]:
         """Out of places and logarithms of widths in station distances."""
         each = np.reshape(p, (len(known), -1))
-        return [np.append(one[:-1], pitch * np.exp(one[-1])) for one in each]
+        return [np.append(bump[:-1], pitch * np.exp(bump[-1])) for bump in each]
 
     @lru_cache(maxsize=1)  # the slopes are asked for where the residual just was
     def bumps(p: tuple[float, ...]) -> tuple[Array, Array, Array]:
         """The bumps beside the base, an orthonormal basis of them, and what both leave."""
-        own = beside(np.column_stack([bump_at(seen.place_m, one, tail) for one in bumps_of(p)]))
+        own = beside_base(
+            np.column_stack([bump_at(seen.place_m, bump, tail) for bump in bumps_of(p)])
+        )
         basis, _ = np.linalg.qr(own)
-        return own, basis, left - basis @ (basis.T @ left)
+        return own, basis, unexplained - basis @ (basis.T @ unexplained)
 
     def residual(p: Array) -> Array:
         return bumps(tuple(p.tolist()))[2][:n]
@@ -69,25 +71,25 @@ def refined(
         own, basis, rest = bumps(tuple(p.tolist()))
         inverse = np.linalg.pinv(own)
         each = len(p) // len(known)
-        height = np.repeat(inverse @ left, each)
-        moved = beside(
-            np.column_stack([slopes(seen.place_m, one, tail) for one in bumps_of(p.tolist())])
+        height = np.repeat(inverse @ unexplained, each)
+        moved = beside_base(
+            np.column_stack([slopes(seen.place_m, bump, tail) for bump in bumps_of(p.tolist())])
         )
         across = moved - basis @ (basis.T @ moved)
-        found = across * height + np.repeat(inverse.T, each, axis=1) * (rest @ moved)
-        return -found[:n]
+        derivative = across * height + np.repeat(inverse.T, each, axis=1) * (rest @ moved)
+        return -derivative[:n]
 
-    start = np.concatenate([np.append(one[:-1], np.log(one[-1] / pitch)) for one in known])
+    start = np.concatenate([np.append(bump[:-1], np.log(bump[-1] / pitch)) for bump in known])
     rim_m = rim_of(seen, rising) / 2
     low, high = seen.place_m.min(axis=0) + rim_m, seen.place_m.max(axis=0) - rim_m
     widest = np.log(widest_m(pitch, seen.span_m) / pitch)
     low = np.tile(np.append(low, np.log(NARROWEST)), len(known))
     high = np.tile(np.append(high, widest), len(known))
     scale = np.append(np.full(seen.axes, pitch), 0.3)
-    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
+    solution = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
                           bounds=(low, high), x_scale=np.tile(scale, len(known)),
                           xtol=SETTLED, ftol=SETTLED**2, max_nfev=steps)  # fmt: skip
-    return bumps_of(found.x.tolist())
+    return bumps_of(solution.x.tolist())
 
 
 def rim_of(seen: Map, rising: bool) -> float:

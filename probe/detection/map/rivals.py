@@ -31,8 +31,8 @@ def odds_of_one_press(seen: Map, known: list[Array], k: int, rss: float, scatter
     without the press and the bump over that with them, ``rss``."""
     off = ((seen.place_m - known[k][:-1]) ** 2).sum(axis=1)
     doubted = replace(seen, sd=np.where(off == off.min(), LEFT_OUT * seen.sd, seen.sd))
-    *_, left = weighted(doubted, [*known[:k], *known[k + 1 :]])
-    return _odds_instead([(float(left @ left), 0)], rss, scatter, len(off))
+    *_, residual = weighted(doubted, [*known[:k], *known[k + 1 :]])
+    return _odds_instead([(float(residual @ residual), 0)], rss, scatter, len(off))
 
 
 def odds_of_uneven(seen: Map, known: list[Array], k: int, rss: float, scatter: float) -> float:
@@ -40,13 +40,13 @@ def odds_of_uneven(seen: Map, known: list[Array], k: int, rss: float, scatter: f
     area on one side or along a line, instead of the bump ``known[k]``, or of all ``known``; each
     has as many unknowns as a bump."""
     rest = [*known[:k], *known[k + 1 :]]
-    beside = []
-    for others in (rest, []) if rest else ([],):
-        _, a, _, left = weighted(seen, others)
-        beside.append((a, left, seen.unknowns * (len(rest) - len(others))))
+    rests = []
+    for kept in (rest, []) if rest else ([],):
+        _, a, _, residual = weighted(seen, kept)
+        rests.append((a, residual, seen.unknowns * (len(rest) - len(kept))))
     fits = [
-        (_least_left(a, left, columns / seen.sd[:, None]), fewer)
-        for columns in _rivals(seen) for a, left, fewer in beside
+        (_least_left(a, residual, columns / seen.sd[:, None]), fewer)
+        for columns in _rivals(seen) for a, residual, fewer in rests
     ]  # fmt: skip
     return _odds_instead(fits, rss, scatter, len(seen.value))
 
@@ -71,19 +71,20 @@ def _odds_instead(fits: list[tuple[float, int]], rss: float, scatter: float, cou
     beforehand. Each is the sum it leaves and how many unknowns fewer it has; each unknown costs
     half the logarithm of the ``count`` of presses (Schwarz 1978)."""
     best = max(
-        (rss - left) / (2 * max(scatter, 1.0)) + fewer * np.log(count) / 2 for left, fewer in fits
+        (rss - rival_rss) / (2 * max(scatter, 1.0)) + fewer * np.log(count) / 2
+        for rival_rss, fewer in fits
     )
     return float(np.exp(min(best, MAX_LOG_ODDS)))
 
 
-def _least_left(a: Array, left: Array, rivals: Array) -> float:
+def _least_left(a: Array, residual: Array, rivals: Array) -> float:
     """The least sum of squares of the residual ``left`` that one of ``rivals`` (m, n, k), beside
     the weighted columns ``a``, would leave."""
     q, _ = np.linalg.qr(a)
-    whole = np.zeros((len(rivals), len(a), rivals.shape[2]))
-    whole[:, : rivals.shape[1]] = rivals
-    basis, _ = np.linalg.qr(whole - q @ (q.T @ whole))
-    return float(left @ left - ((left @ basis) ** 2).sum(axis=-1).max(initial=0.0))
+    padded = np.zeros((len(rivals), len(a), rivals.shape[2]))
+    padded[:, : rivals.shape[1]] = rivals
+    basis, _ = np.linalg.qr(padded - q @ (q.T @ padded))
+    return float(residual @ residual - ((residual @ basis) ** 2).sum(axis=-1).max(initial=0.0))
 
 
 def rises_anywhere(x_m: Array, scale_m: float, rise: Rise) -> Array:

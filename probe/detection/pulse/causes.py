@@ -101,12 +101,12 @@ def coarse_of(hold: Hold, null: Fit, longest_s: float = LONGEST_S) -> Coarse:
 def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
     """How often a hold without a pulse makes a train of beats as likely as this one, at most: the
     evidence ratio against the family of noises (Markov's inequality; Ville 1939)."""
-    n, found = len(hold.signal), []
+    n, evidences = len(hold.signal), []
     for noise in family(hold.step_s):
         q, _ = np.linalg.qr(noise.whiten(hold.nuisance))
         y = noise.whiten(hold.signal)
-        found.append(-0.5 * n * np.log(max(float(y @ y - ((q.T @ y) ** 2).sum()), 1e-300) / n))
-    without = float(np.logaddexp.reduce(found)) - np.log(len(found)) - 0.5 * n
+        evidences.append(-0.5 * n * np.log(max(float(y @ y - ((q.T @ y) ** 2).sum()), 1e-300) / n))
+    without = float(np.logaddexp.reduce(evidences)) - np.log(len(evidences)) - 0.5 * n
     return float(np.exp(min(without - train.log_evidence, 0.0)))
 
 
@@ -116,17 +116,19 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     Where a pulse is not sure, each but breathing is also judged `beside_breathing`, which takes as
     long again: whether somebody breathes does not depend on what else moves.
     """
-    found = {name: mover.evidence(hold, MEMORIES) for name, mover in MOVERS.items()}
+    evidence = {name: mover.evidence(hold, MEMORIES) for name, mover in MOVERS.items()}
     own = float(np.log(SHARE["train"]) + train_evidence(hold, train))
-    found |= {"pulse": float(np.logaddexp(found["pulse"], own)), "uneven beats": own}
-    if cause_of([found]).is_pulse:
-        return found
+    evidence |= {"pulse": float(np.logaddexp(evidence["pulse"], own)), "uneven beats": own}
+    if cause_of([evidence]).is_pulse:
+        return evidence
     still, cost = beside_breathing(hold, SLOWEST_HZ, FASTEST_HZ)
     chance = MOVERS["breathing"].prior
     for name in MOVERS.keys() - {"breathing"}:
-        beside = MOVERS[name].evidence(still, BESIDE_MEMORIES) - cost
-        found[name] = float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + beside))
-    return found
+        beside_breath = MOVERS[name].evidence(still, BESIDE_MEMORIES) - cost
+        evidence[name] = float(
+            np.logaddexp(np.log1p(-chance) + evidence[name], np.log(chance) + beside_breath)
+        )
+    return evidence
 
 
 def _steady_pulse(hold: Coarse, memories: Sequence[float]) -> float:
@@ -171,24 +173,24 @@ def _motion(hold: Coarse, _memories: Sequence[float]) -> float:
     """
     evidence = -np.inf
     for memory in MEMORIES:
-        beside, y = beside_of(hold, memory)
+        nuisance, y = beside_of(hold, memory)
         c = _movements(len(hold.signal), hold.step_s, memory)
-        along = beside.T @ c
+        along = nuisance.T @ c
         square = np.maximum((c * c).sum(axis=0) - (along * along).sum(axis=0), 1e-12)
         total = len(y) - (memory == 1.0)
-        taken = beside
+        taken = nuisance
         most = max(1, min(MOVEMENTS, int(total / SAMPLES_EACH / MOVEMENT_UNKNOWNS)))
-        found = []
+        evidences = []
         for k in range(1, most + 1):
             best = int(np.argmax((y @ c) ** 2 / square * (square > 1e-6)))
-            one = c[:, best] - taken @ (taken.T @ c[:, best])
-            one = one / max(float(np.linalg.norm(one)), 1e-12)
-            square = np.maximum(square - (one @ c) ** 2, 1e-12)
-            y = y - one * (one @ y)
-            taken = np.column_stack([taken, one])
+            column = c[:, best] - taken @ (taken.T @ c[:, best])
+            column = column / max(float(np.linalg.norm(column)), 1e-12)
+            square = np.maximum(square - (column @ c) ** 2, 1e-12)
+            y = y - column * (column @ y)
+            taken = np.column_stack([taken, column])
             choice = k * np.log(c.shape[1] / 4)
-            found.append(float(log_evidence(y @ y, total, k)) - choice)
-        evidence = max(evidence, float(np.logaddexp.reduce(found) - np.log(most)))
+            evidences.append(float(log_evidence(y @ y, total, k)) - choice)
+        evidence = max(evidence, float(np.logaddexp.reduce(evidences) - np.log(most)))
     return evidence
 
 
@@ -198,7 +200,7 @@ def _movements(n: int, step_s: float, memory: float) -> Array:
     time_s = np.arange(n) * step_s
     steps = (time_s[:, None] > time_s[None, :-1]).astype(float)
     bumps = [np.exp(-0.5 * ((time_s[:, None] - time_s) / sd) ** 2) for sd in MOTION_S]
-    return whiten(np.hstack([one - one.mean(axis=0) for one in (steps, *bumps)]), memory)
+    return whiten(np.hstack([shapes - shapes.mean(axis=0) for shapes in (steps, *bumps)]), memory)
 
 
 @dataclass(frozen=True)

@@ -111,11 +111,11 @@ def wave_at(
     Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
     a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel.
     """
-    found, columns = described(hold, rate_hz, noise, scale, beating_s)
+    fitted, columns = described(hold, rate_hz, noise, scale, beating_s)
     # with harmonics as large as its own size has them, noise adds nothing from trough to crest
-    swing_pa = min(scale.swing_pa, float(np.ptp(columns @ found.coefficients[2:])))
-    found, _ = described(hold, rate_hz, noise, Scale(swing_pa, scale.noise_pa), beating_s)
-    return Wave(rate_hz, noise, scale, swing_pa, found, beating_s)
+    swing_pa = min(scale.swing_pa, float(np.ptp(columns @ fitted.coefficients[2:])))
+    fitted, _ = described(hold, rate_hz, noise, Scale(swing_pa, scale.noise_pa), beating_s)
+    return Wave(rate_hz, noise, scale, swing_pa, fitted, beating_s)
 
 
 def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None) -> Pulse:
@@ -123,15 +123,15 @@ def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None)
 
     ``shared`` are the rates that the scan leaves, all that are tried where it shows none.
     """
-    found, rates = wave.fit, shared or Rates(np.array([wave.rate_hz]), own.variability)
+    fitted, rates = wave.fit, shared or Rates(np.array([wave.rate_hz]), own.variability)
     sizes = sizes_of(hold, wave, rates, None if shared else USUAL_SPREAD)
     size_pa, size_sd_pa = averaged(sizes, *together([sizes]))
     noise_pa = _noise_pa(wave)
-    unmodelled = noise_pa / max(found.noise_pa, 1e-12)
+    unmodelled = noise_pa / max(fitted.noise_pa, 1e-12)
     return Pulse(
         wave.rate_hz, size_pa, size_sd_pa, own.p_value,
-        float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
-        found, own.search, sizes, rates.variability,
+        float(fitted.rest_pa.mean()), unmodelled * fitted.rest_mean_sd_pa, fitted.noise_pa,
+        fitted, own.search, sizes, rates.variability,
     )  # fmt: skip
 
 
@@ -148,8 +148,8 @@ def sizes_of(hold: Hold, wave: Wave, rates: Rates, spread: float | None = None) 
         usual = rates.variability / np.sqrt(np.maximum(hold.span_s * rates.hz, 1.0))
         late = parts, np.full(len(rates.hz), spread) if spread else usual
     noise_pa = _noise_pa(wave)
-    found = sizes_at(hold, wave.noise, noise_pa, prior_pa, rates.hz, late, wave.beating_s)
-    return Sizes(tuple(rates.hz.tolist()), *found)
+    sizes = sizes_at(hold, wave.noise, noise_pa, prior_pa, rates.hz, late, wave.beating_s)
+    return Sizes(tuple(rates.hz.tolist()), *sizes)
 
 
 def _noise_pa(wave: Wave) -> float:
@@ -177,8 +177,10 @@ def scale_of(null: Fit, known: Fit) -> Scale:
 
     What relaxation and drift cannot explain is at least a third of the pulse.
     """
-    left = null.residual_pa
-    return Scale(float(SWING_OVER_RESIDUAL * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
+    residual_pa = null.residual_pa
+    return Scale(
+        float(SWING_OVER_RESIDUAL * np.ptp(np.percentile(residual_pa, [2, 98]))), known.noise_pa
+    )
 
 
 def find_pulse(hold: Hold, prior: Prior | None = None) -> Clearest:
@@ -187,12 +189,12 @@ def find_pulse(hold: Hold, prior: Prior | None = None) -> Clearest:
     It passes at one rate or as a train of beats of any lengths, which has its own `SHARE` of the
     chance.
     """
-    found, null = search(hold, prior)
-    columns = harmonics(hold.time_s, found.rate_hz, TESTED_HARMONICS)
-    known = fit(hold, design_of(hold), columns, found.noise)
-    p_value = found.p_value
+    clearest, null = search(hold, prior)
+    columns = harmonics(hold.time_s, clearest.rate_hz, TESTED_HARMONICS)
+    known = fit(hold, design_of(hold), columns, clearest.noise)
+    p_value = clearest.p_value
     if MAX_CLEAR_CHANCE < p_value < MAX_TRAIN_CHANCE and hold.span_s >= SHORTEST_TRAIN_S:
         coarse = coarse_of(hold, null)
         p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)) / SHARE["train"])
-    noise, scale = beside(hold, found.rate_hz, scale_of(null, known))
-    return Clearest(found.rate_hz, p_value, noise, scale, found)
+    noise, scale = beside(hold, clearest.rate_hz, scale_of(null, known))
+    return Clearest(clearest.rate_hz, p_value, noise, scale, clearest)

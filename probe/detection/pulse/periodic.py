@@ -22,9 +22,9 @@ FINER = 17
 """Rates of such a round."""
 
 
-def log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
+def log_evidence(rss: Array, n: int, unknowns: int | Ints) -> Array:
     """Of a linear model by what it leaves of the hold (Schwarz 1978)."""
-    return np.asarray(-0.5 * n * np.log(np.maximum(left, 1e-300) / n) - 0.5 * n
+    return np.asarray(-0.5 * n * np.log(np.maximum(rss, 1e-300) / n) - 0.5 * n
                       - 0.5 * (unknowns + 2) * np.log(n))  # fmt: skip
 
 
@@ -92,33 +92,33 @@ def _at_best_rate(
 def _as_harmonics(hold: Coarse, waves: _Waves, memory: float) -> Array:
     """Evidence (r,) of harmonics at each rate; none where the first is not the largest."""
     n, count = len(hold.signal), waves.seen.shape[1]
-    beside, y = beside_of(hold, memory)
-    along = beside.T @ waves.columns
+    nuisance, y = beside_of(hold, memory)
+    along = nuisance.T @ waves.columns
     gram = waves.gram - np.swapaxes(along, 1, 2) @ along + 1e-9 * n * np.eye(2 * count)
     right = y @ waves.columns
     size = np.linalg.solve(gram, right[..., None])[..., 0]
-    left = float(y @ y) - (right * size).sum(axis=1)
+    rss = float(y @ y) - (right * size).sum(axis=1)
     swing = np.hypot(size[:, :count], size[:, count:])
     unknowns = 2 * waves.seen.sum(axis=1)
-    found = log_evidence(left, n - (memory == 1.0), unknowns)
-    return np.asarray(np.where(swing.argmax(axis=1) == 0, found, -np.inf))
+    evidence = log_evidence(rss, n - (memory == 1.0), unknowns)
+    return np.asarray(np.where(swing.argmax(axis=1) == 0, evidence, -np.inf))
 
 
 def _as_wave(hold: Coarse, waves: _Waves, memory: float) -> Array:
     """Evidence (r,) of the mean wave at each rate, its size and phase the best; none where the
     samples show its first harmonic only, which any line has."""
     n, count = len(hold.signal), waves.seen.shape[1]
-    beside, y = beside_of(hold, memory)
+    nuisance, y = beside_of(hold, memory)
     turn = np.linspace(0, 2 * np.pi, PHASES, endpoint=False)[:, None]
     angle = turn * np.arange(1, count + 1) + PHASES_RAD
     shape = np.hstack([AMPLITUDES_MMHG * np.cos(angle), -AMPLITUDES_MMHG * np.sin(angle)]).T
     # harmonics that are not seen are zero
-    aside = (beside.T @ waves.columns) @ shape
+    aside = (nuisance.T @ waves.columns) @ shape
     power = (shape * (waves.gram @ shape)).sum(axis=1) - (aside**2).sum(axis=1)
     along = np.maximum((y @ waves.columns) @ shape, 0.0) ** 2
-    left = float(y @ y) - (along / np.maximum(power, 1e-300)).max(axis=1)
-    found = log_evidence(left, n - (memory == 1.0), 2)
-    return np.asarray(np.where(waves.seen[:, 1], found, -np.inf))
+    rss = float(y @ y) - (along / np.maximum(power, 1e-300)).max(axis=1)
+    evidence = log_evidence(rss, n - (memory == 1.0), 2)
+    return np.asarray(np.where(waves.seen[:, 1], evidence, -np.inf))
 
 
 def _waves(n: int, step_s: float, rates: Array, count: int, memory: float) -> _Waves:
@@ -143,6 +143,6 @@ def beside_of(hold: Coarse, memory: float) -> tuple[Array, Array]:
     whitened signal (n,) beside it."""
     columns = whiten(hold.nuisance, memory)
     u, size, _ = np.linalg.svd(columns, full_matrices=False)
-    beside = np.asarray(u[:, size > 1e-9 * size[0]])
+    basis = np.asarray(u[:, size > 1e-9 * size[0]])
     y = whiten(hold.signal, memory)
-    return beside, y - beside @ (beside.T @ y)
+    return basis, y - basis @ (basis.T @ y)

@@ -50,14 +50,14 @@ def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     rate = min(unlike, key=lambda one: unlike[one])
     for most, share in ((smooth, 1.0), (len(SHARES), 0.25)):
         bounds = max(rate - share * reach, SLOWEST_HZ), min(rate + share * reach, FASTEST_HZ)
-        found = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
+        fitted = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
                                 options={"xatol": EXACT_HZ})  # fmt: skip
-        rate = float(found.x)
+        rate = float(fitted.x)
     best = unlikely(rate, smooth)
-    others = {one: float(np.exp(min(best - v, 0.0))) for one, v in unlike.items()
+    rivals = {one: float(np.exp(min(best - v, 0.0))) for one, v in unlike.items()
               if abs(one - rate) > reach / 2}  # fmt: skip
-    others = {one: weight for one, weight in others.items() if weight >= PLAUSIBLE}
-    return Rates(np.array([rate, *others]))
+    rivals = {one: weight for one, weight in rivals.items() if weight >= PLAUSIBLE}
+    return Rates(np.array([rate, *rivals]))
 
 
 def is_short(span_s: float) -> bool:
@@ -79,19 +79,19 @@ def _of_short(clear: list[tuple[Hold, Wave, Search | None]], rates: Array) -> Ra
     a hold of about a beat relaxation makes one rate look like another."""
 
     def likely(hz: Array) -> Array:
-        found = [sizes_of(hold, wave, Rates(hz)) for hold, wave, _ in clear]
-        return np.asarray(logsumexp(together(found)[0], axis=1))
+        sizes = [sizes_of(hold, wave, Rates(hz)) for hold, wave, _ in clear]
+        return np.asarray(logsumexp(together(sizes)[0], axis=1))
 
     chance, reach = likely(rates), float(rates[1] - rates[0])
-    beside = np.pad(chance, 1, constant_values=-np.inf)
-    peaks = np.flatnonzero((chance >= beside[:-2]) & (chance >= beside[2:]))
+    padded = np.pad(chance, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((chance >= padded[:-2]) & (chance >= padded[2:]))
     peaks = peaks[np.argsort(chance[peaks])[-CANDIDATES:]]
     between = rates[peaks, None] + np.arange(SHORT_EXACT_HZ - reach, reach, SHORT_EXACT_HZ)
     between = np.clip(between, SLOWEST_HZ, FASTEST_HZ)
-    found = likely(between.ravel()).reshape(between.shape)
-    better = found.max(axis=1) > chance[peaks]
-    rates[peaks[better]] = between[np.arange(len(peaks)), found.argmax(axis=1)][better]
-    chance[peaks[better]] = found.max(axis=1)[better]
+    likelihood = likely(between.ravel()).reshape(between.shape)
+    better = likelihood.max(axis=1) > chance[peaks]
+    rates[peaks[better]] = between[np.arange(len(peaks)), likelihood.argmax(axis=1)][better]
+    chance[peaks[better]] = likelihood.max(axis=1)[better]
     order = np.argsort(-chance)
     return Rates(rates[order[chance[order] >= chance.max() + np.log(PLAUSIBLE)]])
 
@@ -113,23 +113,23 @@ def _whitened(hold: Hold, wave: Wave) -> _Whitened:
     design, weight = design_of(hold), np.sqrt(hold.weight)
     columns = np.hstack([design.drift, design.decays[:, wave.fit.decays]])
     noise, scale = wave.noise, wave.scale
-    beside, _ = np.linalg.qr(noise.whiten(scale_rows(columns, weight)))
+    nuisance, _ = np.linalg.qr(noise.whiten(scale_rows(columns, weight)))
     signal = noise.whiten(hold.signal_pa * weight)
-    signal = signal - beside @ (beside.T @ signal)
-    return _Whitened(hold, noise, weight, signal, beside,
+    signal = signal - nuisance @ (nuisance.T @ signal)
+    return _Whitened(hold, noise, weight, signal, nuisance,
                      scale.noise_pa / max(scale.swing_pa, 1e-12))  # fmt: skip
 
 
-def _misfit(one: _Whitened, rate_hz: float, most: int) -> float:
+def _misfit(white: _Whitened, rate_hz: float, most: int) -> float:
     """Minus the log likelihood of harmonics that are shrunk as `described` does, the noise's level
     unknown."""
-    hold = one.hold
+    hold = white.hold
     count = harmonics_seen(hold, rate_hz, most)
-    columns = scale_rows(harmonics(hold.time_s, rate_hz, count), one.weight)
-    columns = one.noise.whiten(columns)
-    columns = columns - one.beside @ (one.beside.T @ columns)
-    right = columns.T @ one.signal
-    ridge = one.noise_over_swing / np.tile(SHARES[:count], 2)
+    columns = scale_rows(harmonics(hold.time_s, rate_hz, count), white.weight)
+    columns = white.noise.whiten(columns)
+    columns = columns - white.beside @ (white.beside.T @ columns)
+    right = columns.T @ white.signal
+    ridge = white.noise_over_swing / np.tile(SHARES[:count], 2)
     size = np.linalg.solve(columns.T @ columns + np.diag(ridge**2), right)
-    rss = float(one.signal @ one.signal - right @ size)
+    rss = float(white.signal @ white.signal - right @ size)
     return 0.5 * len(hold.time_s) * float(np.log(max(rss, 1e-300)))

@@ -114,13 +114,13 @@ def search(hold: Hold, prior: Prior | None = None) -> tuple[Search, Fit]:
     chances = _single(chosen, 2, dof - 2), _single(free, lost, dof - lost)
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
     weight = weights(rates)
-    one, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
+    best, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
     likely = np.argsort(-(each + looks.shaped.max(axis=1)), kind="stable")
     return Search(
         rates, each[likely] - without, looks.along[likely], looks.power[likely],
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks.free[0], float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
-        min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
+        min(1.0, anywhere(float((best / weight).min()), hold.span_s) / share), hold.span_s,
         looks.noises[likely[0]], dof,
     ), null  # fmt: skip
 
@@ -212,40 +212,40 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
     key = (n, hold.step_s, start_s, tuple(rates.tolist()))
     kept = is_even and len(parts) == 1
 
-    def columns_of(some: Array) -> Array:
+    def columns_of(part: Array) -> Array:
         if kept:
             return _even_columns(*key)
-        return _columns(times_s, some) * scale[:, None, None]
+        return _columns(times_s, part) * scale[:, None, None]
 
     steady, most = np.empty((n, 0)), -1.0
-    for some in parts:
-        columns = columns_of(some)
+    for part in parts:
+        columns = columns_of(part)
         along = np.tensordot(null.residual_pa * scale, columns, 1)[:, [0, columns.shape[2] // 2]]
         size = np.linalg.norm(along, axis=1)
         if size.max() > most:
             steady, most = columns[:, int(np.argmax(size))].copy(), float(size.max())
     members = family(hold.step_s, hold.averaged_s)
-    whole = np.hstack([nuisance * scale[:, None], steady])
-    rests, beside, steady_gain = _rests(
-        hold.signal_pa * scale, whole, nuisance.shape[1], members, dof
+    all_columns = np.hstack([nuisance * scale[:, None], steady])
+    rests, with_steady, steady_gain = _rests(
+        hold.signal_pa * scale, all_columns, nuisance.shape[1], members, dof
     )
     count = SHAPE_HARMONICS if n >= SHORT else 1
     finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
     seen = rates[:, None] * np.arange(1, count + 1) <= finest
-    ahead = np.maximum(rests.without - rests.without.max(), beside - beside.max())
+    ahead = np.maximum(rests.without - rests.without.max(), with_steady - with_steady.max())
     ahead[0] = 0.0  # white noise counts always
     counted = np.flatnonzero(ahead >= -FAR_BEHIND)
-    chosen, found = rests.of(counted), []
-    for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
-        columns = columns_of(some)
+    chosen, by_part = rests.of(counted), []
+    for part, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
+        columns = columns_of(part)
         white = (
             _even_white(*key, members[i]) if kept else _whitened(columns, members[i])
             for i in counted
         )
-        found.append(_ratios(chosen, white, visible, _shapes(visible, phases), dof))
+        by_part.append(_ratios(chosen, white, visible, _shapes(visible, phases), dof))
     return Looks(
         [members[i] for i in counted], chosen.without, steady_gain[counted],
-        *(np.concatenate(each, axis=1) for each in zip(*found, strict=True)),
+        *(np.concatenate(each, axis=1) for each in zip(*by_part, strict=True)),
     )  # fmt: skip
 
 
@@ -297,12 +297,12 @@ def _rests(
     along = np.swapaxes(q, 1, 2) @ y[..., None]
     size = np.log(np.maximum(np.abs(np.diagonal(r, axis1=1, axis2=2)), 1e-300))
 
-    def beside(k: int) -> _Rests:
-        left = y - (q[..., :k] @ along[:, :k])[..., 0]
-        power = np.maximum((left**2).sum(axis=1), 1e-300)
-        return _Rests(q[..., :k], left, -0.5 * dof * np.log(power) - size[:, :k].sum(axis=1))
+    def rest_of(k: int) -> _Rests:
+        residual = y - (q[..., :k] @ along[:, :k])[..., 0]
+        power = np.maximum((residual**2).sum(axis=1), 1e-300)
+        return _Rests(q[..., :k], residual, -0.5 * dof * np.log(power) - size[:, :k].sum(axis=1))
 
-    null, full = beside(nuisance), beside(columns.shape[1])
+    null, full = rest_of(nuisance), rest_of(columns.shape[1])
     power = [np.maximum((rest.y**2).sum(axis=1), 1e-300) for rest in (null, full)]
     return null, full.without, 0.5 * dof * np.log(power[0] / power[1])
 
@@ -326,14 +326,14 @@ def _ratios(
     """``shaped``, ``free``, ``along`` and ``power`` of `Looks` at some rates. The second free
     harmonic counts only where it is no larger than a pulse's."""
     products, grams = [], []
-    beside = np.concatenate([rests.q, rests.y[..., None]], axis=2)
-    for each, one in zip(beside, white, strict=True):  # one by one: a table may be large
-        product = each.T @ one.columns
-        products.append(product.reshape(len(product), *one.gram.shape[:2]))
-        grams.append(one.gram)
+    basis = np.concatenate([rests.q, rests.y[..., None]], axis=2)
+    for each, whitened in zip(basis, white, strict=True):  # one by one: a table may be large
+        product = each.T @ whitened.columns
+        products.append(product.reshape(len(product), *whitened.gram.shape[:2]))
+        grams.append(whitened.gram)
     product = np.stack(products)
-    beside, right = np.moveaxis(product[:, :-1], 1, 3), product[:, -1]  # (m, r, count, k), (…count)
-    gram = np.stack(grams) - beside @ np.swapaxes(beside, 2, 3)
+    basis, right = np.moveaxis(product[:, :-1], 1, 3), product[:, -1]  # (m, r, count, k), (…count)
+    gram = np.stack(grams) - basis @ np.swapaxes(basis, 2, 3)
     rss = np.maximum((rests.y**2).sum(axis=1), 1e-300)[:, None]
 
     def ratio(drop: Array) -> Array:
@@ -350,13 +350,13 @@ def _ratios(
 def _as_harmonics(right: Array, gram: Array, seen: Bools) -> Array:
     """What the first one or two harmonics explain (m, r)."""
     count = seen.shape[1]
-    _, one = _explained(right, gram, [0, count])
+    _, by_first = _explained(right, gram, [0, count])
     if count == 1:
-        return one
-    a, two = _explained(right, gram, [0, 1, count, count + 1])
+        return by_first
+    a, by_both = _explained(right, gram, [0, 1, count, count + 1])
     size = np.hypot(a[..., :2], a[..., 2:])
     pulse_like = seen[:, 1] & (size[..., 1] <= MOST_SECOND * size[..., 0])
-    return np.asarray(np.where(pulse_like, two, one))
+    return np.asarray(np.where(pulse_like, by_both, by_first))
 
 
 def _explained(right: Array, gram: Array, chosen: list[int]) -> tuple[Array, Array]:
