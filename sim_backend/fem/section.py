@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -236,6 +237,10 @@ class Direct:
     def __init__(self, assembly: Assembly) -> None:
         self._assembly = assembly
         self._factors: Factors | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the factors, which are the solver's own and cannot be kept."""
+        return {**self.__dict__, "_factors": None}
 
     @property
     def negative(self) -> int:

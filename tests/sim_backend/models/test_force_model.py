@@ -116,7 +116,7 @@ def test_a_bump_narrower_than_the_finger_is_known(x_mm: float) -> None:
 
 def test_what_too_few_places_leave_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fast_module, "MOST_PLACES", 8)
-    rough = fast_model(BLOCK, 0.9)
+    rough = fast_model(BLOCK, 0.93)  # which no other test asks for: models are kept
     assert rough.off[0] > fast_module.OFF_SHARE[0] * rough.stations[0].left.rest
 
 
