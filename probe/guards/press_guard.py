@@ -36,7 +36,8 @@ JUDGED_SHARE = 0.25
 # vessel the force stays constant for a quarter of a millimetre, where the vessel bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
 # Over FAINT_WAY_M a force that barely exceeds the noise also trips, if the rise that should have
-# followed would exceed it too. Below SOFT_SHARE of the limit the sensor may measure a dragging cable.
+# followed would exceed it too. Below SOFT_SHARE of the limit the sensor may measure a cable that
+# drags.
 FAINT_WAY_M = 1e-3
 # A press's end is judged once the tip rests: the force stood still over the last part of the way,
 # and for as long again at rest. A beat or a relaxation that hid the rise of a true force would have
