@@ -202,7 +202,7 @@ def test_repeats_at_one_place_are_one_station() -> None:
 @pytest.mark.parametrize("level_pa", [9000.0, -9000.0])
 def test_a_press_that_reads_less_than_nothing_says_so(level_pa: float) -> None:
     (one,) = detect(recording([station(np.random.default_rng(1), level_pa=level_pa)])).stations
-    assert ("turn the sign" in one.note) == (level_pa < 0)
+    assert ("check the sign" in one.note) == (level_pa < 0)
 
 
 @pytest.mark.parametrize("false_alarm", [0.0, 1.0, -1.0, float("nan")])

@@ -69,7 +69,7 @@ def test_a_map_that_is_higher_on_one_side_shows_no_lump() -> None:
             for i in range(50)
         ]))  # fmt: skip
         assert found.finding == "undecided"
-        assert any("beside a bone" in one.reason for one in found.objects)
+        assert any("bone at one side" in one.reason for one in found.objects)
 
 
 @pytest.mark.parametrize(("across_deg", "seed"), [(0, 1), (60, 2), (90, 3), (135, 1), (135, 4)])
