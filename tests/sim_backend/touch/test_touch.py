@@ -14,6 +14,7 @@ from sim_backend.touch.basis import Basis
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.kinds import LUMP, VESSEL
 from sim_backend.touch.table import TouchTable, block_of
+from sim_backend.touch.touch import parameters
 
 
 @pytest.mark.parametrize("name, x_mm, depth_mm, pressure_mmhg", [
@@ -37,6 +38,19 @@ def test_another_block_and_finger_are_known_too() -> None:
                     inclusion={"depth_mm": 8.0}, indenter={"radius_mm": 4.0})  # fmt: skip
     true_n = palpate.press(scene, 30.0, 1.8).states[0].force_n
     assert float(palpate.touch(scene).force_n(30.0, 1.8)) == pytest.approx(true_n, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["TIT", "TIHA"])
+def test_what_is_read_between_the_points_of_a_grid_is_the_table_s(name: str) -> None:
+    scene = palpate.load_scene(name)
+    table, (kind, theta) = table_for(scene), parameters(scene, scene.inclusion[0])
+    assert table is not None
+    x_mm, depth_mm = np.random.default_rng(1).uniform([1.0, 0.4], [63.0, 2.4], (400, 2)).T
+    x, sunk = x_mm / 5 - 6.4, depth_mm / 5  # of a finger of 5 mm radius over a block of 64 mm
+    bump = table.ratios[kind.name](x, sunk, np.tile(theta, (len(x), 1)))[:, 0]
+    direct = table.bare_force(x, sunk, block_of(scene)) * (1 + bump)
+    read = palpate.touch(scene).force_n(x_mm, depth_mm)
+    assert np.ptp(read / direct) < 1e-5 * np.mean(read / direct)
 
 
 def test_states_are_broadcast_and_none_is_another_s() -> None:
