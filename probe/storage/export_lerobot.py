@@ -191,13 +191,16 @@ def _write_tasks(path: Path) -> None:
 
 
 def _stats(values: Array) -> dict[str, Any]:
-    """Over the frames; of a scalar a list of one."""
-    wide = values[:, None] if values.ndim == 1 else values
-    found: dict[str, Any] = {
-        key: getattr(wide, key)(axis=0).tolist() for key in ("min", "max", "mean", "std")
-    }
-    found |= {key: np.quantile(wide, q, axis=0).tolist() for key, q in QUANTILES.items()}
-    return found | {"count": [len(wide)]}
+    """Over the frames in which something was read; of a scalar a list of one."""
+    import pandas as pd
+
+    frames = pd.DataFrame(values.reshape(len(values), -1))
+    found = {key: getattr(frames, key)() for key in ("min", "max", "mean")}
+    found |= {"std": frames.std(ddof=0)}
+    found |= {key: frames.quantile(q) for key, q in QUANTILES.items()}
+    shape = values.shape[1:] or (1,)
+    each = {key: column.to_numpy().reshape(shape).tolist() for key, column in found.items()}
+    return each | {"count": [len(values)]}
 
 
 def _write_json(path: Path, content: Mapping[str, Any]) -> None:

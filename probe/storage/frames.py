@@ -20,7 +20,7 @@ def frame_times(time_s: Array, rate: int) -> Array:
 
 def framed(time_s: Array, values: Array, times: Array, rate: int) -> Array:
     """``values`` (n, ...) read at ``time_s`` (n,) as they are in frames at ``times`` (k,): the mean
-    of what was read within half a frame, where nothing was the nearest reading; 0 of what never
+    of what was read within half a frame, where nothing was the nearest reading; NaN of what never
     was read.
 
     Examples
@@ -30,7 +30,7 @@ def framed(time_s: Array, values: Array, times: Array, rate: int) -> Array:
     [1.0, 3.5, 5.0]
     """
     flat = values.reshape(len(time_s), int(np.prod(values.shape[1:])))
-    found = np.zeros((len(times), flat.shape[1]))
+    found = np.full((len(times), flat.shape[1]), np.nan)
     half_s = 0.5 / rate
     for n, column in enumerate(flat.T):
         read = np.isfinite(column)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +52,20 @@ INFO_KEYS = INFO.schema["properties"]
 """As huggingface/lerobot describes version 3.0 in docs/source/lerobot-dataset-v3.mdx, and reads it
 in src/lerobot/datasets."""
 
+DEAD, LATE = 5, 8
+"""Taxels, counted row by row."""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An array at 50 Hz, a load cell at 500, a stage at 10: two presses are whole, one is not."""
+    """An array at 50 Hz, a load cell at 500, a stage at 10: two presses are whole, one is not.
+
+    A calibration has taken out the taxel `DEAD`; the taxel `LATE` is missing in the first press.
+    """
+    taxels = [Channel(name, "Pa", "taxel") for name in taxel_names(4, 7)]
+    taxels[DEAD] = replace(taxels[DEAD], role="other")
     channels = {
-        "skin": tuple(Channel(name, "Pa", "taxel") for name in taxel_names(4, 7)),
+        "skin": tuple(taxels),
         "cell": (Channel("force", "N", "force"),),
         "stage": tuple(Channel(axis, "m") for axis in "xyz"),
     }
@@ -72,6 +81,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 values = np.repeat(time_s[:, None], len(channels[device]), axis=1)
                 if device == "cell":  # to and fro, which a mean over a frame takes out
                     values += np.where(np.arange(rate) % 2, 1.0, -1.0)[:, None]
+                if device == "skin" and n == 0:
+                    values[:, LATE] = math.nan
                 store(Samples(device, Block(time_s, values, np.zeros(values.shape, bool)), n, 1))
             store(StationEnded(2.0 * n + 1.5, n, 1, complete=n < 2))
         store(RunEnded(6.0, Finish.COMPLETED, ""))
@@ -156,12 +167,26 @@ def test_episodes_tasks_and_statistics_are_there(folder: Path) -> None:
     assert stats.keys() == info["features"].keys()
     taxels = np.array(table["observation.tactile.skin"].to_pylist())
     for key in ("min", "max", "mean", "std"):
-        found = np.array(stats["observation.tactile.skin"][key])
-        np.testing.assert_allclose(found, getattr(taxels, key)(axis=0), rtol=1e-5)
+        found = np.array(stats["observation.tactile.skin"][key])[2:]
+        np.testing.assert_allclose(found, getattr(taxels, key)(axis=0)[2:], rtol=1e-5)
     assert stats["timestamp"]["max"] == [0.98]
     assert stats["timestamp"]["count"] == [100]
     first = np.array([list(row) for row in episodes["stats/observation.tactile.skin/max"][0]])
     np.testing.assert_allclose(first, taxels[:50].max(axis=0), rtol=1e-6)
+
+
+def test_what_was_not_read_is_not_zero(folder: Path) -> None:
+    """NaN is in its frames, and in statistics only where no frame has a reading."""
+    info, table = read(folder)
+    taxels = np.array(table["observation.tactile.skin"].to_pylist()).reshape(2, 50, -1)
+    assert set(np.flatnonzero(np.isnan(taxels[0]).all(axis=0))) == {DEAD, LATE}
+    assert set(np.flatnonzero(np.isnan(taxels).any(axis=(0, 1)))) == {DEAD, LATE}
+    assert np.isfinite(taxels[1, :, LATE]).all()
+    stats = json.loads((folder / "meta/stats.json").read_text(encoding="utf-8"))
+    for key in ("min", "mean", "std", "q50"):
+        found = np.ravel(stats["observation.tactile.skin"][key])
+        assert np.flatnonzero(np.isnan(found)).tolist() == [DEAD], key
+    assert info["features"]["observation.skin"]["names"] == [f"{taxel_names(4, 7)[DEAD]}_Pa"]
 
 
 def test_a_run_without_a_whole_press_has_no_episode(tmp_path: Path) -> None:
