@@ -1,7 +1,8 @@
 """Stages and sensors: small protocols, clocks and the drivers behind them.
 
-A file or folder per device; `lines` is any sensor that prints its readings as text, `modbus` any
-that keeps them in registers, `taxels` a tactile array, `lsl` a stream of the lab's network.
+A file or folder per device, each an entry point in pyproject.toml that `make install` reads;
+`lines` is any sensor that prints its readings as text, `modbus` any that keeps them in registers,
+`taxels` a tactile array, `lsl` a stream of the lab's network.
 
 Names are imported when they are first used: what starts a process waits for no numpy.
 """

@@ -1,7 +1,7 @@
 """The limit of force and torque, checked on what each sensor reports, never on what was commanded.
 
 Pure checks: each takes a reading and returns why the scan may not go on, or None. The safety
-monitor calls them for every sample and acts.
+monitor calls them for every sample and acts; of a sensor that says nothing `silence` judges.
 """
 
 import math

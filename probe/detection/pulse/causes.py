@@ -205,8 +205,8 @@ def _movements(n: int, step_s: float, memory: float) -> Array:
 
 @dataclass(frozen=True)
 class Mover:
-    """What may move in a hold: its ``prior``, its log ``evidence`` in noises of some memories, and
-    what to do about it."""
+    """What may move in a hold: its ``prior``, its log ``evidence`` in noises of some memories (the
+    best fit's `log_evidence`, less the log of how many were tried), and what to do about it."""
 
     prior: float
     evidence: Callable[[Coarse, Sequence[float]], float]
@@ -221,5 +221,5 @@ MOVERS: Mapping[str, Mover] = {
     "tremor": Mover(0.1, _tremor, "support the probe or sample faster"),
 }
 """By name. Before the hold is looked at a pulse is what a scan looks for, and nothing is known of
-the others. A choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there.
-"""
+the others; the priors add up to 1. A choice, which acts together with `MIN_POSTERIOR`: how much it
+matters is said there."""
