@@ -3,6 +3,7 @@
 import os
 import select
 import socket
+import sys
 import threading
 import time
 import tty
@@ -171,8 +172,7 @@ class Served:
         self.address = line.address
         self.spoilt = 0
         self.faults = (*LINE_FAULTS, *device.faults)
-        self._device = device
-        self._line = line
+        self._name, self._device, self._line = name, device, line
         self._fault: str | None = None
         self._held: list[tuple[float, bytes]] = []
         self._rng = np.random.default_rng(seed)
@@ -200,6 +200,8 @@ class Served:
         try:
             while not self._end.is_set():
                 self._step()
+        except RuntimeError as error:  # what it is to feel cannot be solved, and is not made up
+            print(f"{self._name}: its line is closed: {error}", file=sys.stderr)
         finally:
             self._line.close()
 

@@ -32,6 +32,7 @@ INCLINED_GRID_M = 0.5e-3  # going in along an inclined normal, those of half mil
 STEEP = 0.6  # sideways share of a press's direction, at most
 PLACE_GRID_M = 1e-5
 DEPTH_GRID_M = 1e-8
+DEEPER = 1.25  # a choice between solving often and solving deeper than is pressed
 BISECTIONS = 60  # of a depth: far below what changes even a rigid block's force
 SLOPE_M = 0.1e-3  # the surface's slope is taken this far to either side
 BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the section is asked
@@ -190,6 +191,12 @@ class Phantom:
         depth_m = max(self._depth_m, self.surface(*point[:2]) - point[2])
         return _up_to_grid(depth_m)
 
+    def depth_ahead_m(self, place: tuple[float, float], depth_m: float) -> float:
+        """How deep to solve a place that is pressed to ``depth_m`` [m]: where it is known less
+        deep, the press comes bit by bit and goes on."""
+        further = DEEPER if place in self._responses else 1.0
+        return _up_to_grid(max(self._depth_m, further * depth_m))
+
     def in_air(self, point: Point) -> bool:
         """Whether the tip touches nothing there, however far a vessel lifts the surface."""
         return self.surface(*point[:2]) - point[2] <= -BULGE_M
@@ -320,8 +327,7 @@ class Phantom:
     def _response(self, x: float, y: float, depth_m: float) -> Response:
         known_m, response = self._responses.get((x, y), (0.0, None))
         if response is None or _up_to_grid(depth_m) > known_m:
-            known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
-            known_m = _up_to_grid(known_m)
+            known_m = self.depth_ahead_m((x, y), depth_m)
             more = {} if self.array is None else {"array": self.array}
             response = self._respond(section_at(self.scene, 1e3 * y), x, known_m, **more)
             self._responses[x, y] = (known_m, response)

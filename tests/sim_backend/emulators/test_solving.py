@@ -9,6 +9,7 @@ from waiting import until
 
 from drivers import Pose, SimulatedClock, WallClock
 from sim_backend import load_scene
+from sim_backend.emulators.serving import served
 from sim_backend.emulators.solving import Solver
 from sim_backend.models.station_response import respond
 from sim_backend.phantom.phantom import Phantom, Respond, Response
@@ -59,6 +60,53 @@ def test_the_air_needs_no_solution_but_asks_for_it(solver: Solver) -> None:
     above = (0.0223, 0.0, 0.004)
     assert solver.ready(above)
     until(lambda: solver.ready(OFF_THE_RASTER), 60.0)  # asked for while the tip was above
+
+
+def test_a_corner_that_is_only_passed_holds_up_nothing(solver: Solver) -> None:
+    """A finger that overlaps a block's edge by 2 mm crushes its corner: no press, but the air."""
+    with pytest.raises(RuntimeError, match=r"x = -3.00 mm, 2.50 mm deep: .* crushed"):
+        until(lambda: solver.ready((-0.003, 0.0, -0.0025)), 60.0)
+    assert solver.ready((-0.003, 0.0, 0.004))
+    until(lambda: solver.ready(OFF_THE_RASTER), 60.0)
+
+
+def test_a_press_waits_for_no_place_that_was_only_passed(solver: Solver) -> None:
+    passed = [(1e-3 * x, 0.0) for x in range(5, 20)]
+    assert all(solver.ready((*place, 0.004)) for place in passed)
+    until(lambda: solver.ready(OFF_THE_RASTER), 60.0)
+    assert sum(solver._phantom.solved_m(place) > 0 for place in passed) <= 1
+
+
+def test_a_press_in_segments_is_held_seldom(solver: Solver) -> None:
+    """Beyond what was first solved, each time for a quarter more."""
+    held, depth_m = 0, 2.0e-3
+    while (depth_m := depth_m + 0.1e-3) < 4.5e-3:
+        target = (*OFF_THE_RASTER[:2], -depth_m)
+        held += not solver.ready(target)
+        until(lambda target=target: solver.ready(target), 60.0)
+    assert held <= 4
+
+
+class Crushing:
+    """A device that is pressed into what cannot be solved."""
+
+    faults = ()
+
+    def received(self, _data: bytes) -> bytes:
+        return b""
+
+    def due(self) -> bytes:
+        raise RuntimeError("a press at x = -3.00 mm")
+
+    def fail(self, fault: str) -> None: ...
+
+
+def test_what_cannot_be_solved_closes_the_line_and_says_why(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with served(Crushing(), "pty", "grbl"):
+        pass
+    assert capsys.readouterr().err == "grbl: its line is closed: a press at x = -3.00 mm\n"
 
 
 def test_a_robot_holds_its_move_and_goes_on_telling(winkler: Respond) -> None:
