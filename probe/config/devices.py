@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -93,7 +93,7 @@ def connect(
     RigError, SceneError
         The rig or the scene cannot be.
     DeviceAbsent
-        A device is not there and no stand-in is allowed.
+        Devices are not there and no stand-in is allowed; all of them are named.
     DeviceFault
         A driver's own mistake.
 
@@ -105,18 +105,18 @@ def connect(
     ...     [(channel.name, channel.unit) for channel in devices.sensors[0].channels]
     [('force', 'N'), ('von_mises', 'Pa')]
     """
-    notes: list[str] = []
-    absent: list[str] = []
     plan = plan_for(rig)
     world = World(rig, plan, clock, scene, seed, respond)
     with ExitStack() as undo:
         undo.enter_context(closing(world))
-        stage: Stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes, absent)
-        undo.enter_context(closing(stage))
-        extra = {"seed": seed, **({} if stage.name == "virtual" else {"follow": stage})}
-        sensors = _open_sensors(rig, fallback, world, extra, notes, absent, undo)
-        stage, true, remarks = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
-        notes += remarks
+        opening = Opening(world, fallback, undo)
+        stage: Stage = opening.device("stages", "stage", rig.stage, {})
+        # None where it is missing: then `sensors` names it and raises
+        follow = {} if stage is None or stage.name == "virtual" else {"follow": stage}
+        sensors = opening.sensors({"seed": seed, **follow})
+        stage, true, remarks = calibrated(
+            stage, sensors, rig.calibration, stand_ins=opening.stand_ins
+        )
         check_units(true)
         if world.phantom is not None:
             # a real stage that nothing real feels for makes its scan in the air
@@ -127,7 +127,7 @@ def connect(
             if not isinstance(clock, SimulatedClock):
                 world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
         undo.pop_all()
-    return Devices(stage, true, world.phantom, tuple(notes))
+    return Devices(stage, true, world.phantom, (*opening.notes, *remarks))
 
 
 @contextmanager
@@ -139,7 +139,7 @@ def open_sensors(
     Simulated ones hang in the air. Raises as `connect` does.
     """
     with closing(World(rig, plan_for(rig), clock, scene)) as world, ExitStack() as opened:
-        yield tuple(_open_sensors(rig, fallback, world, {"seed": 0}, [], [], opened))
+        yield tuple(Opening(world, fallback, opened).sensors({"seed": 0}))
 
 
 @dataclass
@@ -194,49 +194,48 @@ class World:
         return self.phantom
 
 
-def _open_sensors(
-    rig: Rig,
-    fallback: Fallback | None,
-    world: World,
-    extra: dict[str, Any],
-    notes: list[str],
-    absent: list[str],
-    opened: ExitStack,
-) -> list[Sensor]:
-    """All of them, each closed with ``opened``. Raises `RigError` where two have one name."""
-    sensors: list[Sensor] = []
-    for n, device in enumerate(rig.sensor):
-        where = f"sensor[{n}]"
-        sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
-        opened.enter_context(closing(sensors[-1]))
-    check_names(sensors)
-    return sensors
+@dataclass
+class Opening:
+    """The devices of a rig, opened one after the other and closed with ``opened``: ``notes`` of
+    what stands in for the ``stand_ins``, and the ``missing``, for which nothing may."""
 
+    world: World
+    fallback: Fallback | None
+    opened: ExitStack
+    notes: list[str] = field(default_factory=list)
+    stand_ins: list[str] = field(default_factory=list)
+    missing: list[DeviceAbsent] = field(default_factory=list)
 
-def _open(
-    kind: Kind,
-    where: str,
-    device: Device,
-    fallback: Fallback | None,
-    world: World,
-    extra: dict[str, Any],
-    notes: list[str],
-    absent: list[str],
-) -> Any:
-    """One device, connected, or its stand-in if it is absent and one is allowed."""
-    made = make_device(kind, where, device, world, extra)
-    try:
-        _connect(made)
-    except DeviceAbsent as missing:
-        if (device.fallback or fallback) is None:
-            raise
-        notes.append(f"{where}: {missing}; a simulated stand-in takes its place")
-        absent.append(made.name)
-        if kind == "sensors":  # under its own name, so that several may be absent
-            extra = {**extra, "name": made.name}
-        made = make_device(kind, where, VIRTUAL, world, extra)
-        made.connect()
-    return made
+    def device(self, kind: Kind, where: str, device: Device, extra: dict[str, Any]) -> Any:
+        """One device, connected, or its stand-in; None where it is missing."""
+        made = make_device(kind, where, device, self.world, extra)
+        try:
+            _connect(made)
+        except DeviceAbsent as absent:
+            if (device.fallback or self.fallback) is None:
+                self.missing.append(absent)
+                return None
+            self.notes.append(f"{where}: {absent}; a simulated stand-in takes its place")
+            self.stand_ins.append(made.name)
+            if kind == "sensors":  # under its own name, so that several may be absent
+                extra = {**extra, "name": made.name}
+            made = make_device(kind, where, VIRTUAL, self.world, extra)
+            made.connect()
+        self.opened.enter_context(closing(made))
+        return made
+
+    def sensors(self, extra: dict[str, Any]) -> list[Sensor]:
+        """All of them, the last to be opened. Raises `DeviceAbsent`, which names every missing
+        device, and `RigError` where two sensors have one name."""
+        sensors = [
+            self.device("sensors", f"sensor[{n}]", device, extra)
+            for n, device in enumerate(self.world.rig.sensor)
+        ]
+        if self.missing:
+            first, *others = self.missing
+            raise DeviceAbsent(first.device, "; also ".join([first.reason, *map(str, others)]))
+        check_names(sensors)
+        return sensors
 
 
 def _connect(made: Stage | Sensor) -> None:

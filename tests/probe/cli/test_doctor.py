@@ -41,4 +41,5 @@ def test_doctor_asks_devices_although_the_plan_cannot_be(palpate, tmp_path: Path
     outcome = palpate("doctor", rig, "--scene", "TIHA", "--json", status=3)
     said = {one["name"]: one["text"] for one in outcome.json["checks"]}
     assert "mm/s is allowed" in said["devices together"]
-    assert any("no such port" in text for text in said.values())
+    assert "no such port" in said["grbl"]
+    assert "also ft: port = '/dev/ttyNone': no such port" in said["grbl"]
