@@ -108,8 +108,8 @@ def import_(
     """Make a run of a recording from elsewhere, to detect in it, show and report it.
 
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar, taxels_n,
-    taxels_pa; if known x_mm, y_mm, depth_mm (below the surface), station, reference. Of what
-    `palpate export` wrote, the channels are taken that the run was judged on.
+    taxels_pa, taxels_counts; if known x_mm, y_mm, depth_mm (below the surface), station, reference.
+    Of what `palpate export` wrote, the channels are taken that the run was judged on.
     Recordings of other programs (text of instruments, .mat, .npy, .npz, .h5, .parquet, .xdf, .bag,
     .db3, .mcap) are read with --map; without it their columns are listed.
     """

@@ -33,26 +33,35 @@ def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
 
 @dataclass(frozen=True)
 class StressConversion:
-    """Which columns of a device's values make the tactile signal, and Pa per unit of each."""
+    """Which columns of a device's values make the tactile signal, and Pa per unit of each.
+
+    ``unit`` is that of the signal: Pa, or what was read where that is asked for and no stress.
+    """
 
     columns: tuple[int, ...]
     pa_per_unit: Array
+    unit: str = "Pa"
 
     def stress_pa(self, values: Array) -> Array:
         """Contact stress (n, columns) of ``values`` (n, channels)."""
         return np.asarray(values[:, list(self.columns)] * self.pa_per_unit)
 
 
-def stress_conversion(channels: Sequence[Channel], face_m2: float) -> StressConversion:
+def stress_conversion(
+    channels: Sequence[Channel], face_m2: float, *, any_unit: bool = False
+) -> StressConversion:
     """From a device's channels to contact stress: the one place where a recording's newtons become
     pascals.
 
     Forces go before pressures, these before taxels. A force is spread over ``face_m2``; taxels
-    share it. Raises `RunFileError` for a unit that is neither a force nor a pressure, and for a
-    force where ``face_m2`` is NaN.
+    share it. Raises `RunFileError` for a force where ``face_m2`` is NaN, and for a unit that is
+    neither a force nor a pressure, such as counts; with ``any_unit`` that one stays as it is.
     """
     role = next((r for r in FORCE_ROLES if any(c.role == r for c in channels)), None)
     columns = tuple(n for n, channel in enumerate(channels) if channel.role == role)
+    units = {channels[n].unit for n in columns}
+    if any_unit and len(units) == 1 and not units & {*units_of("N", "Pa")}:
+        return StressConversion(columns, np.ones(len(columns)), units.pop())
     share = len(columns) if role == "taxel" else 1
     gains = [_pa_per_unit(channels[n], face_m2 / share) for n in columns]
     return StressConversion(columns, np.array(gains))

@@ -36,11 +36,14 @@ MAX_LEVELS, MAX_PARTS = 20_000, 16
 PART = 1 << 16  # samples of a press that are computed at once: half a megabyte a column
 
 
-def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
+def record(
+    events: Iterable[Event], face_mm2: float | None = None, *, any_unit: bool = False
+) -> Recording:
     """The recording of a run; ``face_mm2`` is the probe's face where the run does not say.
 
     A run that has not ended (killed, or still going) counts as ``faulted``.
-    Raises `RunFileError` if the events do not make a run, or a force has no known face.
+    Raises `RunFileError` if the events do not make a run, a force has no known face, or the signal
+    is neither force nor pressure; with ``any_unit`` such a signal stays in its own unit.
     """
     signal: _Signal | None = None
     finish, ended = "faulted", ""
@@ -49,7 +52,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
     for event in events:
         match event:
             case RunStarted():
-                signal = signal or _Signal(event, face_mm2)
+                signal = signal or _Signal(event, face_mm2, any_unit)
                 finish, ended = "faulted", ""
             case RunEnded():
                 finish, ended = str(event.finish), event.reason
@@ -80,6 +83,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
             signal.quantum_pa or 0.0,
             ended,
             signal.block,
+            signal.unit,
         )
     except ValueError as error:
         raise RunFileError(str(error)) from None
@@ -153,14 +157,15 @@ class _Press:
 class _Signal:
     """Which channels make the tactile signal, and in which unit."""
 
-    def __init__(self, started: RunStarted, face_mm2: float | None) -> None:
+    def __init__(self, started: RunStarted, face_mm2: float | None, any_unit: bool) -> None:
         self._spill = Spill()
         self.channels = started.channels
         self.device = tactile_device(self.channels)
         own = self.channels[self.device]
         config = started.config
         self.face_m2 = face_m2_of(config, face_mm2)
-        conversion = stress_conversion(own, self.face_m2)
+        conversion = stress_conversion(own, self.face_m2, any_unit=any_unit)
+        self.unit = conversion.unit
         self.picked, self.gains = list(conversion.columns), conversion.pa_per_unit
         self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
         self.reference, self.depth = self._first("reference"), self._first("depth")

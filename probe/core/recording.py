@@ -91,6 +91,8 @@ class Recording:
     ``finish`` how the run ended (``completed``, ``aborted`` or ``faulted``), ``ended`` why, in
     words (empty of a run that was broken off), ``quantum_pa`` the sensor's resolution (0 =
     unknown). ``block`` is what is known of finger, block and support, as a scene file says it.
+    ``unit`` is that of ``signal_pa`` and ``quantum_pa``: "Pa", or that of a sensor whose readings
+    nothing turns into pascals, such as "counts".
 
     Examples
     --------
@@ -108,6 +110,7 @@ class Recording:
     quantum_pa: float = 0.0
     ended: str = ""
     block: Mapping[str, Any] | None = None
+    unit: str = "Pa"
 
     def __post_init__(self) -> None:
         """Raises `ValueError` for a face that none has, and places that cannot be in metres."""

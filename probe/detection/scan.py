@@ -93,6 +93,8 @@ def detect(
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
     recording = recording_of(source)
+    if recording.unit != "Pa":
+        return _without_stress(recording, false_alarm)
     if asked_pa is None:
         asked_pa = HEALTHY_PULSE_N / recording.face_m2
     elif not 0 < asked_pa < np.inf:
@@ -320,6 +322,21 @@ def _why_no_station(recording: Recording) -> str:
         else ""
     )
     return f"the run has no complete station; {how}{why}"
+
+
+def _without_stress(recording: Recording, false_alarm: float) -> Finding:
+    """Of readings that nothing turns into pascals."""
+    reason = (
+        f"the sensor reads {recording.unit}, which nothing turns into pascals: no level, pulse or "
+        "kind is stated; --empty says which presses are unlike presses over nothing"
+    )
+    stations = tuple(
+        StationFinding(
+            s.index + 1, s.x_m, s.y_m, float(s.saturated.mean()) if s.saturated.size else 0.0
+        )
+        for s in recording.stations
+    )
+    return Finding(UNDECIDED, (), stations, reason, false_alarm)
 
 
 def _reasons(objects: list[ObjectFinding]) -> str:

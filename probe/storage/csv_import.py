@@ -1,8 +1,8 @@
 """``palpate import FILE --out RUN``: a recording made elsewhere becomes a run file.
 
 Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa``, ``pressure_mbar``,
-``taxels_n`` or ``taxels_pa``, and if known ``x_mm``, ``y_mm``, ``depth_mm`` (of the tip below the
-surface), ``station`` and ``reference`` (a PPG or ECG beside it).
+``taxels_n``, ``taxels_pa`` or ``taxels_counts``, and if known ``x_mm``, ``y_mm``, ``depth_mm`` (of
+the tip below the surface), ``station`` and ``reference`` (a PPG or ECG beside it).
 
 - Rows without a reading (empty or NaN) are left out and counted; times may be uneven.
 - Without ``station``, a change of position begins a new one; without positions all is one. A
@@ -43,7 +43,7 @@ from probe.storage.csv_table import CsvRecording, cut
 from probe.storage.import_columns import Asked
 from probe.storage.import_doubts import doubts
 from probe.storage.import_readers import read_recording
-from probe.storage.import_table import DEVICE, PHASE, CsvError, check_face
+from probe.storage.import_table import ARRAYS, DEVICE, PHASE, CsvError, check_face
 from probe.storage.writer import create_store
 from sim_backend.scene.scene_file import Scene, as_scene
 
@@ -51,6 +51,11 @@ __all__ = ["CsvError", "Imported", "import_csv"]
 
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
+UNKNOWN_FORCE = (
+    "the readings are counts, and how much force or stress they are is not known: no level, pulse "
+    "or kind is stated; `palpate detect RUN --empty EMPTY` says which presses are unlike presses "
+    "over nothing"
+)
 
 
 @dataclass(frozen=True)
@@ -153,7 +158,10 @@ def import_csv(
         raise CsvError(text if text.startswith(str(source)) else f"{source}: {text}") from None
     face_mm2 = face_mm2 or table.face_mm2 or face_mm2_of(known or Rig(), block)
     notes = read.notes
-    if face_mm2 is None and to_si(read.devices[DEVICE][0].unit)[0] == "N":
+    unit = read.devices[DEVICE][0].unit
+    if unit == ARRAYS["taxels_counts"]:
+        notes = (*notes, UNKNOWN_FORCE)
+    if face_mm2 is None and to_si(unit)[0] == "N":
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
     notes = (*notes, *doubts(read))
     config = _config(read, source, asked, tare_s) | {"face_mm2": face_mm2 or FACE_MM2}

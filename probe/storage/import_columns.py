@@ -15,7 +15,7 @@ from drivers import Channel
 from drivers.core.array_layout import taxel_names
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
-from drivers.core.units import SI
+from drivers.core.units import SI, to_si, units_of
 from probe.storage.import_table import (
     ARRAYS,
     DEVICE,
@@ -296,21 +296,21 @@ def _factor(target: str, name: str, in_file: str, said: str, notes: list[str]) -
     if said and in_file and said != in_file:
         raise CsvError(f"--map {target}: the file says that {name} is in {in_file}, not in {said}")
     unit, wanted = (said or in_file).replace("µ", "u").replace("μ", "u"), UNITS[target]
-    if not unit or not wanted:
+    if not unit or not wanted or unit == wanted:
         return 1.0
     if unit not in SI:
         if said:
             raise CsvError(f"--map {target}: unit {unit!r} is not known; one of {_units(wanted)}")
         notes.append(f"the unit {unit!r} of {name} is not known; {wanted} is assumed")
         return 1.0
-    (base, factor), (wanted_base, per) = SI[unit], SI[wanted]
+    (base, factor), (wanted_base, per) = SI[unit], to_si(wanted)
     if base != wanted_base:
         raise CsvError(f"--map {target}: {name} is in {unit}; wanted is one of {_units(wanted)}")
     return factor / per
 
 
 def _units(wanted: str) -> str:
-    return ", ".join(unit for unit, (base, _) in SI.items() if base == SI[wanted][0])
+    return ", ".join(units_of(to_si(wanted)[0])) or wanted
 
 
 def _taxels(

@@ -84,7 +84,7 @@ def judged(devices: Mapping[str, xr.Dataset], tactile: str | None) -> Table:
     data = devices[name := _chosen(devices, tactile)]
     listed = channels_of(data)
     try:
-        picked = [listed[n] for n in stress_conversion(listed, 1.0).columns]
+        picked = [listed[n] for n in stress_conversion(listed, 1.0, any_unit=True).columns]
     except RunFileError as error:
         raise CsvError(f"{name}: {error}") from None
     added: dict[str, Array | float] = {}

@@ -26,7 +26,7 @@ PLACES = ("x_mm", "y_mm")
 DEPTH = "depth_mm"
 REFERENCE = "reference"
 PER_STATION = (*PLACES, DEPTH)
-ARRAYS = {"taxels_n": "N", "taxels_pa": "Pa"}
+ARRAYS = {"taxels_n": "N", "taxels_pa": "Pa", "taxels_counts": "counts"}
 UNITS = (
     {"time_s": "s"}
     | {name: channel.unit for name, channel in SIGNALS.items()}

@@ -112,9 +112,16 @@ class Run:
                 yield _event(number, row)
 
     def recording(
-        self, face_mm2: float | None = None, *, samples: "xr.Dataset | pd.DataFrame | None" = None
+        self,
+        face_mm2: float | None = None,
+        *,
+        samples: "xr.Dataset | pd.DataFrame | None" = None,
+        any_unit: bool = False,
     ) -> Recording:
         """What detection works on; ``face_mm2`` where the run does not know the probe's face.
+
+        With ``any_unit`` a signal that is neither force nor pressure, such as counts, stays as it
+        is, and `Recording.unit` says so; else it raises `RunFileError`.
 
         ``samples``: what `samples` gave, as you changed it (filtered, with rows left out; that of
         `channel_samples` also as a pandas table), in place of what was stored. Places, phases and
@@ -136,7 +143,7 @@ class Run:
                 from probe.storage.tables import with_samples  # here: as in `samples`
 
                 events = with_samples(self.started, events, samples)
-            return record(events, face_mm2)
+            return record(events, face_mm2, any_unit=any_unit)
         except RunFileError as error:
             raise _at(self.path, error) from None
 
@@ -193,8 +200,8 @@ class Run:
 
 
 def recording_of(source: Recording | str | PathLike[str]) -> Recording:
-    """What detection works on, of a run or its file; a recording as it is."""
-    return source if isinstance(source, Recording) else open_run(source).recording()
+    """What detection works on, of a run or its file, in any unit; a recording as it is."""
+    return source if isinstance(source, Recording) else open_run(source).recording(any_unit=True)
 
 
 def open_run(path: str | PathLike[str]) -> Run:
