@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from probe.detection.compare import compare
     from probe.detection.finding import Comparison, Finding, ObjectFinding, StationFinding
     from probe.detection.scan import detect
+    from probe.detection.unlike_empty import Unlike, unlike_empty
     from probe.guards.commands import Control
     from probe.report import write_report
     from probe.scan.engine import run_scan
@@ -75,6 +76,7 @@ __all__ = [
     "StationFinding",
     "TaxelArray",
     "Touch",
+    "Unlike",
     "WallClock",
     "calibrate",
     "compare",
@@ -98,6 +100,7 @@ __all__ = [
     "scene_names",
     "sweep",
     "touch",
+    "unlike_empty",
     "verify",
     "write_report",
 ]
@@ -129,6 +132,7 @@ _HOMES = {
     "probe.detection.compare": ("compare",),
     "probe.detection.finding": ("Comparison", "Finding", "ObjectFinding", "StationFinding"),
     "probe.detection.scan": ("detect",),
+    "probe.detection.unlike_empty": ("Unlike", "unlike_empty"),
     "probe.report": ("write_report",),
     "probe.storage.csv_import": ("Imported", "import_csv"),
     "probe.storage.export": ("export",),

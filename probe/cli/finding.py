@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import RunFiles
+from probe.cli.arguments import RunFiles, station_numbers
 from probe.cli.say import Json, answer, answer_json, answer_table, plain
 from probe.cli.several import of_each
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
@@ -32,6 +33,14 @@ def detect(
             "the paper's healthy artery on this probe's face.",
         ),
     ] = None,
+    empty: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN|STATIONS",
+            help="Presses over nothing, another run or stations of this one (1-8): say which "
+            "presses are unlike them, in any unit.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what lies beneath, and where, from stored runs; one that cannot be read is named."""
@@ -43,15 +52,66 @@ def detect(
 
     def look(run: Path) -> dict[str, Any]:
         began_s = time.perf_counter()
-        one = finding_json(run, open_run(run).recording(), began_s, false_alarm, ask)
+        recording = open_run(run).recording(any_unit=True)
+        one = finding_json(run, recording, began_s, false_alarm, ask)
+        if empty is not None:
+            one = _unlike(one, recording, empty)
         if not json:
             if len(runs) > 1:
                 answer(f"\n{run}")
             show_finding(one)
+            if empty is not None:
+                answer(_unlike_words(one, false_alarm))
         return one
 
     _, status = of_each(runs, look, json=json)
     raise typer.Exit(status)
+
+
+def _unlike(found: Mapping[str, Any], recording: Any, empty: str) -> dict[str, Any]:
+    """What --empty adds: ``empty``, how many presses over nothing at how many places there are, and
+    ``stations`` with how unlike them each is; None of those that are themselves over nothing."""
+    from probe.detection.unlike_empty import unlike_empty
+
+    own = station_numbers(empty, "--empty") if set(empty) <= set("0123456789,- ") else []
+    if missing := set(own) - {one.index + 1 for one in recording.stations}:
+        raise typer.BadParameter(f"--empty {empty}: no complete station {min(missing)} in the run")
+    asked, nothing = (
+        replace(
+            recording, stations=tuple(s for s in recording.stations if (s.index + 1 in own) is over)
+        )
+        for over in (False, True)
+    )
+    try:
+        unlike = unlike_empty(asked, nothing if own else empty)
+    except ValueError as error:
+        raise typer.BadParameter(f"--empty {empty}: {error}") from None
+    said = {
+        station.index + 1: {"unlike_empty": distance, "unlike_empty_chance": chance}
+        for station, distance, chance in zip(
+            asked.stations, unlike.distance, unlike.chance, strict=True
+        )
+    }
+    unknown = {"unlike_empty": None, "unlike_empty_chance": None}
+    stations = [one | said.get(one["station"], unknown) for one in found["stations"]]
+    counted = {"presses": unlike.presses, "places": unlike.places}
+    return dict(plain({**found, "stations": stations, "empty": counted}))
+
+
+def _unlike_words(found: Mapping[str, Any], false_alarm: float) -> str:
+    """Which stations are unlike presses over nothing, and how many would be by chance."""
+    presses, places = found["empty"]["presses"], found["empty"]["places"]
+    level = max(false_alarm, 1 / (presses + 1))
+    chances = {one["station"]: one["unlike_empty_chance"] for one in found["stations"]}
+    judged = {number: chance for number, chance in chances.items() if chance is not None}
+    named = [str(number) for number, chance in judged.items() if chance <= level]
+    more = f" and {len(named) - MAX_LINES} more" if len(named) > MAX_LINES else ""
+    where = f"at {places} places" if places > 1 else "at one place: elsewhere they may differ"
+    which = f": {', '.join(named[:MAX_LINES])}{more}" if named else ""
+    return (
+        f"Unlike {presses} presses over nothing ({where}), at a chance of {100 * level:.2g} % "
+        f"each: {len(named)} of {len(judged)} stations ({level * len(judged):.2g} by chance){which}"
+    )
 
 
 def compare(

@@ -45,6 +45,7 @@ DEFINED = {
     "breathing and no pulse": "def is_no_pulse",
     "beside a movement": "def calm_half(",
     "drift through a sensor": "def unrounded(",
+    "presses over nothing": "def unlike_empty",
     "tumour or artery": "def judge",
     "run file's layout": "CREATE TABLE",
     "finger and tissue": "def finger_pairs",
@@ -67,7 +68,7 @@ DEFINED = {
     "called saturated": "saturated = np.abs(raw) >= self._full_scale",
     "check sum": "def sha256(",
     "false alarm": "DEFAULT_FALSE_ALARM = ",
-    "cut from the stream": "def record(events",
+    "cut from the stream": "def record(",
     "ECG or PPG": "def beats_s",
 }
 
