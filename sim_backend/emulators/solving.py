@@ -7,6 +7,7 @@ its moves at a speed slider of 0: positions and forces go on, and nothing is eve
 import os
 import threading
 from contextlib import suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -98,6 +99,7 @@ class Solver:
 def solve(scene: Scene, pipe: "Connection[Any, Any]") -> None:
     """Body of the process: places, depths and arrays in, responses out, each down to the first of
     its depths that can be solved."""
+    import_module("sim_backend.models.stations")  # now: else the first press waits for it
     from sim_backend.models.station_response import respond
 
     with suppress(AttributeError, OSError):  # what is served, scanned and guarded comes first

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from programs import python
 from waiting import until
 
 from drivers import Pose, SimulatedClock, WallClock
@@ -85,6 +86,19 @@ def test_a_press_in_segments_is_held_seldom(solver: Solver) -> None:
         held += not solver.ready(target)
         until(lambda target=target: solver.ready(target), 60.0)
     assert held <= 4
+
+
+def test_the_first_press_waits_for_no_import() -> None:
+    solver = """
+from multiprocessing import Pipe
+import sys
+from sim_backend.emulators.solving import solve
+ours, theirs = Pipe()
+ours.close()
+solve(None, theirs)
+print("sim_backend.models.stations" in sys.modules)
+"""
+    assert python("-c", solver, status=0).stdout == "True\n"
 
 
 class Crushing:
