@@ -1,10 +1,12 @@
-"""Depth, diameter and modulus of random bodies from rows of presses: do 95 % intervals hold?
+"""Depth, diameter, modulus and stenosis of random bodies from rows of presses: do 95 % intervals
+hold?
 
     python benchmarks/sizes.py [ROWS]
 
 Truth is a row of 15 presses of the finite elements over one lump or vessel, which no table was
 trained on, with what a rig adds: tilt, bow and height of the surface, a stage's repeatability, a
-gain of each depth, a zero, and noise.
+gain of each depth, a zero, and noise. Of a stenotic artery there is a second row, over the same
+vessel where it is open.
 """
 
 from dataclasses import replace
@@ -15,18 +17,24 @@ import numpy as np
 from kept import ROOT, Row, exact, fill, read, run
 
 import palpate
-from probe.detection.beneath.explain import explained, sizes
+from probe.detection.beneath.explain import explained, narrowed_sizes
 from probe.detection.beneath.hypotheses import HYPOTHESES, Likelihood
+from probe.detection.beneath.narrowing import TwoRows
 from probe.detection.beneath.rivals import likeliest
 from probe.detection.beneath.row_data import RowData
+from probe.detection.beneath.stated import sizes
+from probe.detection.finding import NARROWED
+from probe.detection.sizes import NAMES, UNITS
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.models.train_touch import SUNK, Units, ramp
+from sim_backend.models.train_touch import SUNK, ramp
 from sim_backend.scene.scene_file import Scene
+from sim_backend.touch.bodies import Units
 from sim_backend.touch.kept import table_for
 
 KEPT = ROOT / "docs/results/sizes.csv"
 COUNT = 15
-NAMES = ("depth", "diameter", "modulus")
+KINDS = {"tumour": 1, "artery": 1, "stenotic artery": 2}
+"""Rows that each is judged by."""
 ANSWERS = (*(f"{name}_{part}" for name in NAMES for part in ("true", "low", "high")), "found")
 
 
@@ -40,29 +48,39 @@ def body(kind: str, seed: int) -> np.ndarray:
             pressure, swing = rng.uniform(60, 100), rng.uniform(20, 62)
             theta[shape.parameters.index("log_pressure")] = np.log(pressure * 133.322 / 50e3)
             theta[shape.parameters.index("swing")] = swing / pressure
-            if seed % 2:
+            if kind == NARROWED:
+                theta[shape.parameters.index("narrowing")] = rng.uniform(0.1, 0.65)
+            elif seed % 2:
                 theta[shape.parameters.index("narrowing")] = 0.0
         if shape.fits(theta[None])[0]:
             return theta
 
 
 @lru_cache(maxsize=4)
-def truth(kind: str, seed: int) -> tuple[np.ndarray, Scene, np.ndarray, np.ndarray, np.ndarray]:
-    """Parameters (p,), the scene, places (15,) [m], forces (15, d) and pulses (15, d) [N]."""
-    units = Units(palpate.load_scene("TI"))
+def truth(kind: str, seed: int) -> tuple[np.ndarray, Scene, np.ndarray, list[np.ndarray]]:
+    """Parameters (p,), the scene, places (15,) [m], and of each row forces (15, d, 2) [N] at
+    diastole and systole."""
+    units, shape = Units(palpate.load_scene("TI")), HYPOTHESES[kind]
     while True:
         theta = body(kind, seed)
-        scene = units.scene(HYPOTHESES[kind], theta)
+        scenes = [units.scene((shape, theta))]
+        if KINDS[kind] > 1:
+            healthy = theta.copy()
+            healthy[shape.parameters.index("narrowing")] = 0.0
+            if not shape.fits(healthy[None])[0]:
+                seed += 1000
+                continue
+            scenes.append(units.scene((shape, healthy)))
         half_m = 1e-3 * units.length_mm * float(np.exp(theta[-1]))
         x_m = np.linspace(max(theta[0] * 5e-3 - 28e-3, 4e-3 - half_m),
                           min(theta[0] * 5e-3 + 28e-3, half_m - 4e-3), COUNT) + half_m  # fmt: skip
         try:
-            rows = [[solved.force_n_per_m for solved in ramp(scene, x)] for x in x_m]
+            rows = [[[at.force_n_per_m for at in ramp(scene, x)] for x in x_m] for scene in scenes]
         except (CannotSolve, ValueError):
             seed += 1000
             continue
-        force = 1e-3 * scene.indenter.length_mm * np.array(rows)
-        return theta, scene, x_m, force[..., 0], force[..., -1] - force[..., 0]
+        length_m = 1e-3 * scenes[0].indenter.length_mm
+        return theta, scenes[0], x_m, [length_m * np.array(row) for row in rows]
 
 
 def measured(
@@ -85,27 +103,32 @@ def measured(
 
 
 def judged(kind: str, noise_mn: float, seed: int) -> Row | None:
-    """One row: what was stated, and whether it holds."""
-    theta, scene, x_m, force, pulse = truth(kind, seed)
-    data = measured(x_m, force, pulse, 1e-3 * noise_mn, seed)
-    if (data.force_n <= 0).any():
+    """One body: what was stated, and whether it holds."""
+    theta, scene, x_m, rows = truth(kind, seed)
+    each = [
+        measured(x_m, row[..., 0], row[..., -1] - row[..., 0], 1e-3 * noise_mn, seed + 10_000 * n)
+        for n, row in enumerate(rows)
+    ]
+    if any((data.force_n <= 0).any() for data in each):
         return None
     table = table_for(scene)
     assert table is not None
-    likelihood = Likelihood(data, table, scene)
-    found = likeliest([(HYPOTHESES[kind],)], likelihood)
-    said = sizes(found.bodies, 0, explained(found, likelihood), likelihood)
+    first, *others = [Likelihood(data, table, scene) for data in each]
+    if others:
+        said = narrowed_sizes(TwoRows(first, *others))
+    else:
+        found = likeliest([(HYPOTHESES[kind],)], first)
+        assert found is not None
+        said = sizes(found.bodies, 0, explained(found.model, len(first.measured)), first)
     shape = dict(zip(HYPOTHESES[kind].parameters, theta, strict=True))
-    across = shape.get("log_diameter", shape.get("log_inner", 0.0))
     true = {
-        "depth": 5e-3 * shape["depth"], "diameter": 5e-3 * np.exp(across),
-        "modulus": 50e3 * np.exp(shape["log_ratio"]),
+        "depth": 5e-3 * shape["depth"],
+        "diameter": 5e-3 * np.exp(shape.get("log_diameter", shape.get("log_inner"))),
+        "modulus": 50e3 * np.exp(shape["log_ratio"]), "stenosis": shape.get("narrowing", np.nan),
     }  # fmt: skip
-    ends = {"depth": said.depth_ci_m, "diameter": said.diameter_ci_m,
-            "modulus": said.modulus_ci_pa}  # fmt: skip
     row: dict[str, object] = {}
-    for name in NAMES:
-        low, high = ends[name]
+    for name, unit in UNITS.items():
+        low, high = getattr(said, f"{name}_ci{unit}")
         row |= {f"{name}_true": f"{true[name]:.5g}", f"{name}_low": f"{low:.5g}"}
         row[f"{name}_high"] = f"{high:.5g}"
     return row | {"found": "stated" if len(said.undecided) < 3 else "unknown"}
@@ -113,12 +136,15 @@ def judged(kind: str, noise_mn: float, seed: int) -> Row | None:
 
 def table(path: Path = KEPT) -> None:
     """How often the intervals held."""
-    for kind in ("tumour", "artery"):
+    for kind in KINDS:
         for noise in ("0.5", "5.0"):
             rows = [r for r in read(path) if (r["kind"], r["noise_mn"]) == (kind, noise)]
             rows = [r for r in rows if r["found"]]
             for name in NAMES:
-                ends = [[float(r[f"{name}_{p}"]) for p in ("low", "true", "high")] for r in rows]
+                ends = [
+                    [float(r[f"{name}_{p}"] or "nan") for p in ("low", "true", "high")]
+                    for r in rows
+                ]
                 given = [e for e in ends if not np.isnan(e[0]) or not np.isnan(e[2])]
                 held = sum(low <= true <= high for low, true, high in given)
                 share = f"{exact(held, len(given))} % of {len(given)}, of {len(rows)} rows"
@@ -127,12 +153,7 @@ def table(path: Path = KEPT) -> None:
 
 def main(rows: int = 60) -> None:
     """Judge so many rows of each kind at each noise, and print the table."""
-    jobs = [
-        (kind, noise, seed)
-        for seed in range(rows)
-        for kind in ("tumour", "artery")
-        for noise in (0.5, 5.0)
-    ]
+    jobs = [(kind, noise, seed) for seed in range(rows) for kind in KINDS for noise in (0.5, 5.0)]
     fill(KEPT, ("kind", "noise_mn", "seed"), ANSWERS, jobs, judged)
     table()
 

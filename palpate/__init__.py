@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from probe.detection.compare import compare
     from probe.detection.finding import Comparison, Finding, ObjectFinding, StationFinding
     from probe.detection.scan import detect
+    from probe.detection.twin import twin
     from probe.detection.unlike_empty import Unlike, unlike_empty
     from probe.guards.commands import Control
     from probe.report import write_report
@@ -100,6 +101,7 @@ __all__ = [
     "scene_names",
     "sweep",
     "touch",
+    "twin",
     "unlike_empty",
     "verify",
     "write_report",
@@ -132,6 +134,7 @@ _HOMES = {
     "probe.detection.compare": ("compare",),
     "probe.detection.finding": ("Comparison", "Finding", "ObjectFinding", "StationFinding"),
     "probe.detection.scan": ("detect",),
+    "probe.detection.twin": ("twin",),
     "probe.detection.unlike_empty": ("Unlike", "unlike_empty"),
     "probe.report": ("write_report",),
     "probe.storage.csv_import": ("Imported", "import_csv"),

@@ -1,4 +1,4 @@
-"""``palpate detect`` and ``palpate compare``: what a stored run means."""
+"""``palpate detect``, ``compare`` and ``twin``: what a stored run means."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import RunFiles, station_numbers
+from probe.cli.arguments import RunFile, RunFiles, station_numbers
 from probe.cli.say import Json, answer, answer_json, answer_table, plain
 from probe.cli.several import of_each
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
@@ -145,6 +145,27 @@ def compare(
         answer(f"{letter}: {run}")
     answer(f"diseased vessel: {found['diseased']} ({ratios})")
     answer(f"  {found['reason']}")
+
+
+def twin(
+    run: RunFile,
+    out: Annotated[Path, typer.Option("--out", help="The scene file to write.")],
+    json: Json = False,
+) -> None:
+    """Write the scene that one run's tissue most likely is, to press or scan in its place."""
+    if out.exists():
+        raise typer.BadParameter(f"{out} exists already: move it, or give another --out")
+    from probe.calibrate.scene_from_measurement import write_scene
+    from probe.cli.scenes import describe
+    from probe.detection.twin import twin as twin_of
+
+    scene = twin_of(run)
+    write_scene(scene, out)
+    if json:
+        answer_json({"scene": str(out), **scene.model_dump(mode="json")})
+        return
+    answer(f"{out}: {describe(scene)}")
+    answer(f"  scan it in place of the tissue: palpate scan --scene {out}")
 
 
 def finding_json(

@@ -18,6 +18,7 @@ SECTIONS: dict[str, dict[str, tuple[str, str]]] = {
     "Runs": {
         "detect": ("finding", "palpate detect runs/*.run"),
         "compare": ("finding", "palpate compare HEALTHY.run STENOTIC.run"),
+        "twin": ("finding", "palpate twin runs/TIT-20260101-120000.run --out twin.toml"),
         "report": ("runs", "palpate report runs/TIHA-20260101-120000.run --anonymous"),
         "runs": ("collection", "palpate runs runs --finding artery --sort scene"),
         "replay": ("runs", "palpate replay runs/TIHA-20260101-120000.run --live"),

@@ -51,19 +51,24 @@ def object_line(one: Mapping[str, Any]) -> str:
     return ", ".join(parts + over_rows(one))
 
 
+SIZES = {"depth": ("_mm", " mm"), "diameter": ("_mm", " mm"), "modulus": ("_kpa", " kPa"),
+         "stenosis": ("", "")}  # fmt: skip
+"""How the keys of each end, and its unit as it is shown."""
+
+
 def sizes_words(one: Mapping[str, Any]) -> list[str]:
-    """Depth, diameter and stiffness with their 95 % intervals, or their bounds."""
+    """Depth, diameter, stiffness and narrowing with their 95 % intervals, or their bounds."""
     parts = []
-    for name, unit in (("depth", "mm"), ("diameter", "mm"), ("modulus", "kPa")):
-        low, high = one.get(f"{name}_ci_{unit.lower()}") or (None, None)
-        value = one.get(f"{name}_{unit.lower()}")
+    for name, (key, unit) in SIZES.items():
+        low, high = one.get(f"{name}_ci{key}") or (None, None)
+        value = one.get(name + key)
         of = "inner diameter" if name == "diameter" and "artery" in one["kind"] else name
         if value is not None:
-            parts.append(f"{of} {value:.3g} {unit} (95 %: {low or 0:.3g} to {high:.3g})")
+            parts.append(f"{of} {value:.3g}{unit} (95 %: {low or 0:.3g} to {high:.3g})")
         elif low is not None:
-            parts.append(f"{of} above {plain(low, 2)} {unit}")
+            parts.append(f"{of} above {plain(low, 2)}{unit}")
         elif high is not None:
-            parts.append(f"{of} below {plain(high, 2)} {unit}")
+            parts.append(f"{of} below {plain(high, 2)}{unit}")
     return parts
 
 

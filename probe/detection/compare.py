@@ -31,6 +31,7 @@ from probe.detection.finding import (
 from probe.detection.map.bumps import MIN_DISTANCE
 from probe.detection.repeats import pitch_m
 from probe.detection.scan import detect
+from probe.detection.sizes import NAMES
 from probe.storage.run import recording_of
 
 SAME_PRESS = 0.05
@@ -163,12 +164,11 @@ def _reach_m(thing: ObjectFinding) -> float:
 
 
 def _changes(a: ObjectFinding, b: ObjectFinding) -> dict[str, tuple[float, float, float]]:
-    """Of contrast, pulse over force, and of depth, diameter and modulus, where both are known: B
+    """Of contrast, pulse over force, and of what `Sizes` has, where both are known: B
     over A less 1, and its interval."""
     both = {
         "contrast": (a.contrast, b.contrast), "pulse_share": (a.pulse_share, b.pulse_share),
-        **{name: (a.sizes.spread(name), b.sizes.spread(name)) for name in ("depth", "diameter",
-           "modulus")},
+        **{name: (a.sizes.spread(name), b.sizes.spread(name)) for name in NAMES},
     }  # fmt: skip
     changed = {}
     for name, (first, second) in both.items():

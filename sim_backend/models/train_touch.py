@@ -21,7 +21,8 @@ from sim_backend.models.solved import Solved
 from sim_backend.scene.numbers import numbers
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
-from sim_backend.touch.kinds import BARE, KINDS, LUMP, VESSEL, Kind
+from sim_backend.touch.bodies import Units
+from sim_backend.touch.kinds import BARE, KINDS, VESSEL, Kind
 from sim_backend.touch.table import Ratios, TouchTable, about_finger
 
 SUNK = np.array([0.06, 0.15, 0.3, 0.5])
@@ -101,70 +102,6 @@ def touch_table(
     return TouchTable(about_finger(block), {BARE.name: bare, **ratios})
 
 
-class Units:
-    """Of finger and tissue: what a table's numbers are over."""
-
-    def __init__(self, block: Scene) -> None:
-        assert block.tissue is not None
-        self.block, self.modulus_kpa = block, block.tissue.modulus_kpa
-        self.length_mm = block.indenter.width_mm_projected / 2
-        self.force_n_per_m = 1e3 * self.modulus_kpa * 1e-3 * self.length_mm
-
-    def place_mm(self, x: float, theta: Array) -> float:
-        """From the block's side on."""
-        return float((np.exp(theta[-1]) + x) * self.length_mm)
-
-    def scene(self, kind: Kind, theta: Array) -> Scene:
-        """A block with a body in it, if the kind has one; pressures are the wave's ends."""
-        of = dict(zip(kind.parameters, (float(value) for value in theta), strict=True))
-        modulus_kpa, length_mm = self.modulus_kpa, self.length_mm
-        file = self.block.model_dump(exclude_none=True)
-        file["inclusion"] = []
-        file["tissue"] |= {
-            "height_mm": np.exp(of["log_height"]) * length_mm,
-            "width_mm": 2 * np.exp(of["log_half_width"]) * length_mm,
-        }
-        if kind is BARE:
-            return Scene.model_validate(file)
-        body = {
-            "x_mm": self.place_mm(of["x"], theta), "depth_mm": of["depth"] * length_mm,
-            "modulus_kpa": np.exp(of["log_ratio"]) * modulus_kpa,
-            "poisson": file["tissue"]["poisson"],
-        }  # fmt: skip
-        if kind is LUMP:
-            body |= {"kind": "tumour", "diameter_mm": np.exp(of["log_diameter"]) * length_mm}
-        else:
-            inner_mm = np.exp(of["log_inner"]) * length_mm
-            body |= {
-                "kind": "artery", "inner_diameter_mm": inner_mm,
-                "wall_mm": np.exp(of["log_wall"]) * inner_mm,
-            }  # fmt: skip
-            if of["narrowing"] > 0:
-                body["stenosis"] = {
-                    "fraction": of["narrowing"],
-                    "modulus_kpa": np.exp(of["log_plaque"]) * body["modulus_kpa"],
-                }
-            low_mmhg = np.exp(of["log_pressure"]) * 1e3 * modulus_kpa / PA_PER_MMHG
-            file["pulse"] = {
-                "diastolic_mmhg": low_mmhg, "systolic_mmhg": low_mmhg * (1 + of["swing"]),
-            }  # fmt: skip
-        file["inclusion"] = [body]
-        return Scene.model_validate(file)
-
-    def numbers(self, kind: Kind, theta: Array, sunk: float, end: int) -> dict[str, float]:
-        """The press's numbers that depend on ``theta`` and on how deep it is; over a vessel the
-        pressure at the beat's ``end``, too: 0 diastole, 1 systole."""
-        scene = self.scene(kind, theta)
-        beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
-        loads = {"depth_mm": sunk * self.length_mm}
-        loads |= {"pressure_mmhg": beat[end]} if kind.beats else {}
-        return loads | {
-            key: value for key, value in numbers(scene).items()
-            if key == "tissue.height_mm"
-            or (key.startswith("inclusion.0") and not key.endswith("poisson"))
-        }  # fmt: skip
-
-
 def random_press(name: str, block: Scene, number: int) -> tuple[Samples, Samples]:
     """The ``number``-th press over a random body, and over the same block with nothing in it; what
     cannot be solved is drawn again."""
@@ -212,7 +149,7 @@ def sample(
 def _pressed(kind: Kind, units: Units, theta: Array, x: float) -> tuple[Array, Array]:
     """Force at diastole and pulse (d, 2) at each depth, and their derivatives (d, p + 1, 2) by each
     parameter and by depth."""
-    scene, unit, count = units.scene(kind, theta), units.force_n_per_m, 1 + kind.beats
+    scene, unit, count = units.scene((kind, theta)), units.force_n_per_m, 1 + kind.beats
     by_parameters = [_by_parameters(kind, units, theta, end) for end in range(count)]
     force, slope = np.zeros((len(SUNK), count)), np.zeros((len(SUNK), len(theta) + 1, count))
     for k, solved in enumerate(ramp(scene, 1e-3 * units.place_mm(x, theta))):
@@ -235,10 +172,24 @@ def _by_parameters(kind: Kind, units: Units, theta: Array, end: int) -> dict[str
         if k < len(theta) and kind.parameters[k] == "narrowing" and theta[k] == 0:
             step *= 0
         ahead, behind = (
-            units.numbers(kind, theta + s * step[:-1], s * step[-1], end) for s in (1, -1)
+            _numbers(kind, units, theta + s * step[:-1], s * step[-1], end) for s in (1, -1)
         )
         rows.append([(ahead[key] - behind[key]) / (2 * STEP) for key in ahead])
     return dict(zip(ahead, np.transpose(rows), strict=True))
+
+
+def _numbers(kind: Kind, units: Units, theta: Array, sunk: float, end: int) -> dict[str, float]:
+    """The press's numbers that depend on ``theta`` and on how deep it is; over a vessel the
+    pressure at the beat's ``end``, too: 0 diastole, 1 systole."""
+    scene = units.scene((kind, theta))
+    beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
+    loads = {"depth_mm": sunk * units.length_mm}
+    loads |= {"pressure_mmhg": beat[end]} if kind.beats else {}
+    return loads | {
+        key: value for key, value in numbers(scene).items()
+        if key == "tissue.height_mm"
+        or (key.startswith("inclusion.0") and not key.endswith("poisson"))
+    }  # fmt: skip
 
 
 def ramp(scene: Scene, x_m: float) -> list[Solved]:

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
-from sim_backend.scene.waves import PA_PER_MMHG
+from sim_backend.touch.bodies import Units
 from sim_backend.touch.kept import table_for
-from sim_backend.touch.kinds import BARE, LUMP, VESSEL, Kind
+from sim_backend.touch.kinds import BARE, Kind
 from sim_backend.touch.table import TouchTable, block_of
 
 PLACES, DEPTHS = 321, 33
@@ -44,7 +43,7 @@ class Touch:
             )
         if not table.knows(scene):
             raise SceneError(f"{scene.name}: its touch table knows no block of this size")
-        bodies = [parameters(scene, body) for body in scene.inclusion]
+        bodies = [Units(scene).parameters(body) for body in scene.inclusion]
         for n, (kind, theta) in enumerate(bodies):
             if not kind.fits(theta[None])[0]:
                 raise SceneError(f"{scene.name}: inclusion {n + 1} lies beyond its touch table")
@@ -148,26 +147,6 @@ def touch(scene: Scene | str) -> Touch:
     (2, 2)
     """
     return Touch(load_scene(scene) if isinstance(scene, str) else scene)
-
-
-def parameters(scene: Scene, body: Any) -> tuple[Kind, Array]:
-    """A body's kind and parameters (p,) in a table's units."""
-    assert scene.tissue is not None
-    half_mm, modulus_kpa = scene.indenter.width_mm_projected / 2, scene.tissue.modulus_kpa
-    place = (body.x_mm - scene.tissue.width_mm / 2) / half_mm, body.depth_mm / half_mm
-    ratio = np.log(body.modulus_kpa / modulus_kpa)
-    if not isinstance(body, Artery):
-        own = [*place, np.log(body.diameter_mm / half_mm), ratio]
-        return LUMP, np.concatenate([own, block_of(scene)])
-    pulse, per = scene.pulse, 1e-3 * PA_PER_MMHG / modulus_kpa
-    plaque = body.stenosis.modulus_kpa / body.modulus_kpa if body.stenosis else 2.0
-    own = [
-        *place, np.log(body.inner_diameter_mm / half_mm),
-        np.log(body.wall_mm / body.inner_diameter_mm), ratio, np.log(pulse.diastolic_mmhg * per),
-        pulse.systolic_mmhg / pulse.diastolic_mmhg - 1,
-        body.stenosis.fraction if body.stenosis else 0.0, np.log(plaque),
-    ]  # fmt: skip
-    return VESSEL, np.concatenate([own, block_of(scene)])
 
 
 def _cubic(grid: Array, at: Array) -> Array:

@@ -141,9 +141,10 @@ class Likelihood:
         bump, pulse = self.table.ratios[kind.name](own[:, 0], sunk, own).T
         return np.exp(points[:, 0]) * bare * self.area_m2, bump, pulse
 
-    def model(self, bodies: Bodies, about: Array | None = None) -> Model:
-        """With the errors that a table has ``about`` some point (p,)."""
-        root, log_det = self._root(bodies, about)
+    def model(self, bodies: Bodies, about: Array | None = None, rows: int = 1) -> Model:
+        """With the errors that a table has ``about`` some point (p,). They are alike in all
+        ``rows`` over one body: with so many times their variance the mean is known no better."""
+        root, log_det = self._root(bodies, about, rows)
         count = len(self.measured)
         low, high = bodies.ranges(self.x)
 
@@ -183,7 +184,7 @@ class Likelihood:
                 break
         return np.array(starts)
 
-    def _root(self, bodies: Bodies, about: Array | None) -> tuple[Array, float]:
+    def _root(self, bodies: Bodies, about: Array | None, rows: int) -> tuple[Array, float]:
         """The inverse of the covariance's Cholesky factor, and the covariance's log determinant."""
         data, n = self.data, len(self.x)
         slope, force = data.slope_n_per_m, data.force_n
@@ -207,7 +208,7 @@ class Likelihood:
         )
         covariance = np.diag(variance) + known @ known.T
         if about is not None:
-            covariance += self._of_table(bodies, about)
+            covariance += rows * self._of_table(bodies, about)
         lower = np.linalg.cholesky(covariance)
         root = np.linalg.inv(lower)
         return root, 2 * float(np.log(np.diag(lower)).sum())

@@ -1,5 +1,6 @@
 """What a row's presses say, as a likelihood takes it: forces along the ramp, and pulses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +37,7 @@ class RowData:
         return np.asarray(np.gradient(forces, depths, axis=1)[:, 1:])
 
 
-def row_data(presses: tuple[Press, ...], face_m2: float) -> RowData | None:
+def row_data(presses: Sequence[Press], face_m2: float) -> RowData | None:
     """Of presses of one row; None where they have no known place, depth or face."""
     known = [p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)]
     depths_m = np.array([p.station.hold_depth_m for p in known])

@@ -1,5 +1,6 @@
 """How deep, how large, how stiff: intervals that hold, and silence where nothing is known."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,14 +9,17 @@ import numpy as np
 import pytest
 
 import palpate
+from palpate import Recording, Station
 from probe.detection.beneath import explain
-from probe.detection.beneath.explain import likelihood_of, with_sizes
+from probe.detection.beneath.explain import known_block, with_sizes
 from probe.detection.beneath.posterior import Model, Posterior, laplace, sample
 from probe.detection.beneath.rivals import likeliest
 from probe.detection.finding import ObjectFinding
 from probe.detection.pulse.presses import presses_of
 from probe.storage.run import recording_of
+from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 from sim_backend.touch.kinds import LUMP, VESSEL
 
 
@@ -87,6 +91,74 @@ def two_in(scene: Scene, first: dict[str, float], other: Scene, second: dict[str
     return scene.model_copy(update={"name": "two", "inclusion": bodies})
 
 
+def felt_over(scenes: Sequence[Scene], noise_n: float = 0.5e-3) -> Recording:
+    """A row of 15 presses, 4 mm apart, over each of some scenes, as a touch table feels them."""
+    rng, t, stations = np.random.default_rng(2), np.arange(0, 4.5, 0.01), []
+    ramp_m, face_m2 = 2.5e-3 * np.clip(t - 0.5, 0, 1), 1e-4
+    for j, scene in enumerate(scenes):
+        felt, wave = (
+            palpate.touch(scene),
+            load_wave(scene.pulse.model_copy(update={"wave": "brachial"})),
+        )
+        beat_mmhg = wave.pressure_pa(1.2 * t) / PA_PER_MMHG
+        for i in range(15):
+            force_n = felt.force_n(4.0 * (i + 1), 1e3 * ramp_m, beat_mmhg)
+            signal = (force_n + noise_n * rng.normal(size=len(t))) / face_m2
+            stations.append(Station(
+                15 * j + i, 4e-3 * (i + 1), 4e-3 * j, t, signal[:, None],
+                np.zeros((len(t), 1), bool), 0.5, 1.5, 4.5, ramp_m,
+            ))  # fmt: skip
+    block = scenes[0].model_dump(mode="json", exclude={"name", "inclusion", "pulse"})
+    return Recording(tuple(stations), ("force",), ("force",), face_m2, block=block)
+
+
+def narrowed(fraction: float) -> Scene:
+    """TISA with another narrowing, or open."""
+    scene = palpate.load_scene("TISA")
+    (vessel,) = scene.inclusion
+    assert isinstance(vessel, Artery) and vessel.stenosis is not None
+    stenosis = vessel.stenosis.model_copy(update={"fraction": fraction}) if fraction else None
+    return scene.model_copy(
+        update={"inclusion": (vessel.model_copy(update={"stenosis": stenosis}),)}
+    )
+
+
+def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
+    (vessel,) = palpate.detect(felt_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)])).objects
+    assert vessel.kind == "stenotic artery" and vessel.stenosed_m == (8e-3, 8e-3)
+    low, high = vessel.sizes.stenosis_ci
+    assert 0.1 < low < 0.4 < high
+    assert vessel.sizes.depth_ci_m[0] < 12.66e-3 < vessel.sizes.depth_ci_m[1]
+    assert vessel.sizes.diameter_ci_m[0] < 4.5e-3 < vessel.sizes.diameter_ci_m[1]
+    said = vessel.sizes.as_json()
+    assert said["stenosis_ci"][0] == low and "stenosis" not in said["undecided"]
+
+
+def test_over_a_grid_a_lump_is_known_by_the_row_that_shows_it_best() -> None:
+    lump, bare = palpate.load_scene("TIT"), palpate.load_scene("TI")
+    (found,) = palpate.detect(felt_over([bare, lump, bare])).objects
+    low_m, high_m = found.sizes.depth_ci_m
+    assert low_m < 12.66e-3 < high_m and high_m - low_m < 5e-3
+
+
+def test_a_twin_presses_back_as_what_was_scanned() -> None:
+    lump = palpate.load_scene("TIT")
+    twin = palpate.twin(felt_over([lump]))
+    x_mm = np.arange(4.0, 61.0, 4.0)
+    true_n, its_n = (palpate.touch(scene).force_n(x_mm, 2.5) for scene in (lump, twin))
+    np.testing.assert_allclose(its_n, true_n, rtol=0.02)
+    assert [body.kind for body in twin.inclusion] == ["tumour"]
+
+
+def test_a_healthy_twin_is_open_and_what_is_not_known_has_none() -> None:
+    (vessel,) = palpate.twin(felt_over([palpate.load_scene("TIHA")])).inclusion
+    assert isinstance(vessel, Artery) and vessel.stenosis is None
+    with pytest.raises(palpate.SceneError, match="finding nothing"):
+        palpate.twin(felt_over([palpate.load_scene("TI")]))
+    with pytest.raises(palpate.SceneError, match="several rows"):
+        palpate.twin(felt_over([narrowed(0.0), narrowed(0.4)]))
+
+
 def test_each_of_two_lumps_has_its_depth(tmp_path: Path) -> None:
     lump = palpate.load_scene("TIT")
     there = {"depth_mm": 8.0}
@@ -132,7 +204,9 @@ def test_a_short_row_has_no_room_for_two_bodies(tmp_path: Path) -> None:
     run = palpate.scan(rig.model_copy(update={"scan": short}), scene, tmp_path, seed=3)
     recording = recording_of(run.path)
     presses = presses_of(recording, 0.005)
-    likelihood = likelihood_of(recording, presses)
+    known = known_block(recording)
+    assert not isinstance(known, str)
+    likelihood = known.row(presses)
     assert not isinstance(likelihood, str)
     assert likeliest([(LUMP, VESSEL)], likelihood) is None
     (one, *_) = palpate.detect(recording).objects or [found_at(32e-3)]

@@ -8,13 +8,13 @@ from changed_scene import changed
 from programs import python
 
 import palpate
-from sim_backend.models.train_touch import Units, random_press, sample, touch_table
+from sim_backend.models.train_touch import random_press, sample, touch_table
 from sim_backend.touch import kept
 from sim_backend.touch.basis import Basis
+from sim_backend.touch.bodies import Units
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.kinds import LUMP, VESSEL
 from sim_backend.touch.table import TouchTable, block_of
-from sim_backend.touch.touch import parameters
 
 
 @pytest.mark.parametrize("name, x_mm, depth_mm, pressure_mmhg", [
@@ -43,7 +43,7 @@ def test_another_block_and_finger_are_known_too() -> None:
 @pytest.mark.parametrize("name", ["TIT", "TIHA"])
 def test_what_is_read_between_the_points_of_a_grid_is_the_table_s(name: str) -> None:
     scene = palpate.load_scene(name)
-    table, (kind, theta) = table_for(scene), parameters(scene, scene.inclusion[0])
+    table, (kind, theta) = table_for(scene), Units(scene).parameters(scene.inclusion[0])
     assert table is not None
     x_mm, depth_mm = np.random.default_rng(1).uniform([1.0, 0.4], [63.0, 2.4], (400, 2)).T
     x, sunk = x_mm / 5 - 6.4, depth_mm / 5  # of a finger of 5 mm radius over a block of 64 mm

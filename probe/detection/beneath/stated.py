@@ -1,0 +1,91 @@
+"""The numbers that a posterior of what lies beneath states, and why it does not state others."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from probe.detection.beneath.hypotheses import Bodies, Likelihood
+from probe.detection.beneath.posterior import Posterior
+from probe.detection.sizes import UNITS, Sizes, unknown
+
+KNOWN = 0.5
+"""Half of an interval over its middle, up to which a length or modulus is stated at all."""
+AT_THE_END = 0.5
+"""Density of a marginal at an end of its range over its greatest, from which that end is the
+range's and not the data's."""
+BINS = 10
+SHOWN = {"_m": (1e3, " mm"), "_pa": (1e-3, " kPa")}
+ONE_ROW = (
+    "one row cannot tell a narrowing from a stiff wall: scan a second row over a healthy stretch "
+    "of the same vessel"
+)
+
+
+class Misfit(NamedTuple):
+    """Bodies in an even block leave more of what was measured unexplained than chance would."""
+
+    chi2: float
+    freedom: int
+
+
+def sizes(
+    bodies: Bodies, n: int, posterior: Posterior | Misfit | None, likelihood: Likelihood,
+    rows: int = 1,
+) -> Sizes:  # fmt: skip
+    """What ``rows`` rows say of their ``n``-th body; a second one is over the same vessel where it
+    is open."""
+    if not isinstance(posterior, Posterior):
+        return unknown(why_unknown(posterior, bodies))
+
+    def of(name: str) -> Any:
+        return posterior.points[:, bodies.column(n, name)]
+
+    half_width_m, beats = likelihood.half_width_m, bodies.kinds[n].beats
+    diameter = "log_inner" if beats else "log_diameter"
+    values = {
+        "depth": ("depth", half_width_m * of("depth")),
+        "diameter": (diameter, half_width_m * np.exp(of(diameter))),
+        "modulus": ("log_ratio", np.exp(posterior.points[:, 0] + of("log_ratio"))),
+    }
+    if beats and rows > 1:
+        values["stenosis"] = ("narrowing", of("narrowing"))
+    ranges = bodies.ranges(likelihood.x)
+    said: dict[str, Any] = {}
+    why = {"stenosis": ONE_ROW} if beats and rows == 1 else {}
+    for name, (parameter, value) in values.items():
+        at, unit = bodies.column(n, parameter), UNITS[name]
+        left, middle, right = posterior.quantiles(value)
+        from_low, from_high = _ends(posterior, at, *ranges[:, at])
+        bounds = (-np.inf if from_low else float(left), np.inf if from_high else float(right))
+        if from_low and from_high:
+            why[name] = "what was scanned does not tell it"
+            continue
+        if unit and not (from_low or from_high) and (right - left) / 2 > KNOWN * middle:
+            per, shown = SHOWN[unit]
+            why[name] = f"known only from {per * left:.3g} to {per * right:.3g}{shown}"
+            continue
+        said[f"{name}_ci{unit}"] = bounds
+        if np.isfinite(bounds).all():
+            said[name + unit] = float(middle)
+    return Sizes(**said, undecided=why)
+
+
+def why_unknown(posterior: Misfit | None, bodies: Bodies) -> str:
+    """Why bodies have no posterior that states anything."""
+    if posterior is None:
+        return "its posterior could not be sampled well enough to state intervals"
+    how_many = "no single body" if len(bodies.kinds) == 1 else f"no {len(bodies.kinds)} bodies"
+    return (
+        f"{how_many} in an even block explain{'s' * (len(bodies.kinds) == 1)} this row (misfit "
+        f"{posterior.chi2:.0f} of {posterior.freedom}): more objects, layers, a bone, or "
+        "another support"
+    )
+
+
+def _ends(posterior: Posterior, at: int, low: float, high: float) -> tuple[bool, bool]:
+    """Whether the lower and the upper end of a parameter's range are what bounds it."""
+    density, _ = np.histogram(
+        posterior.points[:, at], bins=BINS, range=(low, high), weights=posterior.weights
+    )
+    first, *_, last = density > AT_THE_END * density.max()
+    return bool(first), bool(last)

@@ -1,0 +1,94 @@
+"""The scene that a scan's tissue most likely is: its twin, to be pressed in place of it."""
+
+import json
+from dataclasses import replace
+from os import PathLike
+
+import numpy as np
+
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
+from probe.core.recording import Recording
+from probe.detection.beneath.explain import explain_row, known_block
+from probe.detection.beneath.posterior import Posterior, laplace
+from probe.detection.beneath.stated import why_unknown
+from probe.detection.finding import HEALTHY
+from probe.detection.pulse.presses import presses_of
+from probe.detection.scan import detect
+from probe.storage.run import recording_of
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.touch.bodies import Units
+
+OPEN = 1e-3
+"""A narrowing of less is none."""
+
+
+def twin(source: Recording | str | PathLike[str]) -> Scene:
+    """The likeliest scene of a row of presses.
+
+    Its block, finger and support are those that the run was of; the tissue's modulus, and place,
+    depth, size and stiffness of what lies in it, are the likeliest ones together. A vessel that is
+    called healthy is open. `detect` says how well each is known: another scene may be nearly as
+    likely.
+
+    Parameters
+    ----------
+    source
+        A recording, a run, or a run file, of one row.
+
+    Returns
+    -------
+    Scene
+        To be pressed, scanned and written like any other.
+
+    Raises
+    ------
+    SceneError
+        The scan does not say what lies there; the text says why.
+    RunFileError
+        The file cannot be read, or is no run.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> lump = palpate.twin("TIT.run").inclusion[0]
+    >>> lump.kind
+    'tumour'
+    """
+    recording = recording_of(source)
+    known = known_block(recording)
+    if isinstance(known, str):
+        raise SceneError(f"the scan has no twin: {known}")
+    if len(recording.rows()) > 1:
+        raise SceneError("the scan has no twin: it is of several rows; a twin is of one")
+    found = detect(recording)
+    if not found.objects:
+        raise SceneError(f"the scan has no twin: finding {found.finding}, {found.reason}")
+    likelihood = known.row(presses_of(recording, DEFAULT_FALSE_ALARM / 2))
+    if isinstance(likelihood, str):
+        raise SceneError(f"the scan has no twin: {likelihood}")
+    said = explain_row(found.objects, likelihood, recording.face_m2)
+    if isinstance(said, str):
+        raise SceneError(f"the scan has no twin: {said}")
+    bodies, model = said.chosen.bodies, said.chosen.model
+    if not isinstance(said.posterior, Posterior):
+        raise SceneError(f"the scan has no twin: {why_unknown(said.posterior, bodies)}")
+    high, open_at = model.high.copy(), []
+    for n, (thing, kind) in enumerate(zip(said.objects, bodies.kinds, strict=True)):
+        if kind.beats and thing.kind == HEALTHY:
+            open_at.append(bodies.column(n, "narrowing"))
+    high[open_at] = OPEN
+    best = laplace(replace(model, high=high, starts=said.posterior.best[None])).best
+    best[open_at] = 0.0
+    tissue = known.scene.tissue
+    assert tissue is not None  # a known block has one
+    tissue = tissue.model_copy(update={"modulus_kpa": 1e-3 * float(np.exp(best[0]))})
+    units = Units(known.scene.model_copy(update={"name": "twin", "tissue": tissue}))
+    each = [bodies.of(best[None], n, likelihood.block)[0] for n in range(len(bodies.kinds))]
+    scene = units.scene(*zip(bodies.kinds, each, strict=True))
+    return _rounded(scene.model_copy(update={"tissue": tissue}))
+
+
+def _rounded(scene: Scene) -> Scene:
+    """To digits that a person reads, which say less than what is known."""
+    text = scene.model_dump_json(exclude_none=True)
+    return Scene.model_validate(json.loads(text, parse_float=lambda t: float(f"{float(t):.5g}")))
