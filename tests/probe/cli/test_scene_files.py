@@ -87,3 +87,12 @@ def test_an_unknown_key_leads_to_what_is_not_modelled(palpate, tmp_path: Path) -
     page = outcome.err.rsplit("(", 1)[1].split(",")[0]
     root = Path(__file__).parents[3]
     assert "\n## What is not modelled\n" in (root / page).read_text()
+
+
+def test_a_twin_is_a_scene_file_that_overwrites_none(palpate, tmp_path: Path) -> None:
+    palpate("scan", "--scene", "TIT", "--seed", "1", "--out", tmp_path, status=0)
+    run, twin = next(tmp_path.glob("*.run")), tmp_path / "twin.toml"
+    assert "tumour" in palpate("twin", run, "--out", twin, status=0).out
+    (lump,) = load_scene(twin).inclusion
+    assert lump.kind == "tumour" and lump.x_mm == pytest.approx(32, abs=0.5)
+    assert "exists already" in palpate("twin", run, "--out", twin, status=2).err
