@@ -50,9 +50,9 @@ def twin(source: Recording | str | PathLike[str]) -> Scene:
     Examples
     --------
     >>> import palpate
-    >>> lump = palpate.twin("TIT.run").inclusion[0]
-    >>> lump.kind
-    'tumour'
+    >>> vessel = palpate.twin("TIHA.run").inclusion[0]
+    >>> vessel.kind, vessel.stenosis
+    ('artery', None)
     """
     recording = recording_of(source)
     known = known_block(recording)
