@@ -196,7 +196,7 @@ def show_finding(found: Mapping[str, Any]) -> None:
     if 0 < len(found["stations"]) <= MAX_LINES:
         show_stations(found["stations"])
     elif found["stations"]:
-        answer(f"{len(found['stations'])} stations: the report shows them as a map")
+        answer(f"{len(found['stations'])} stations: --json lists them")
     if found["simulated"]:
         answer(simulated_words(found["simulated"]))
     for line in summary(found):
