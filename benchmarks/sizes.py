@@ -123,7 +123,7 @@ def judged(kind: str, noise_mn: float, seed: int) -> Row | None:
     shape = dict(zip(HYPOTHESES[kind].parameters, theta, strict=True))
     true = {
         "depth": 5e-3 * shape["depth"],
-        "diameter": 5e-3 * np.exp(shape.get("log_diameter", shape.get("log_inner"))),
+        "diameter": 5e-3 * np.exp(shape.get("log_diameter", shape.get("log_inner", 0.0))),
         "modulus": 50e3 * np.exp(shape["log_ratio"]), "stenosis": shape.get("narrowing", np.nan),
     }  # fmt: skip
     row: dict[str, object] = {}

@@ -39,6 +39,7 @@ SAMPLERS = 3
 """Tried one after the other: for a vessel one in twelve has too few effective points."""
 MOST = 2
 """Bodies of a row whose sizes are asked for."""
+NO_ROOM = "the row has no room for it"
 
 
 class Known(NamedTuple):
@@ -98,7 +99,7 @@ def explain_row(
         return "it has no kind yet" if len(objects) == 1 else "what lies beside it is not known"
     chosen = likeliest(product(*may), likelihood)
     if chosen is None:
-        return "the row has no room for it"
+        return NO_ROOM
     count = len(likelihood.measured)
     posterior = explained(chosen.model, count)
     if isinstance(posterior, Misfit) and len(objects) == 1:
@@ -136,8 +137,8 @@ def _in_grid(
     course = {y_m: x_m for x_m, y_m in thing.course if y_m in rows}
     if not course:
         return unknown("depth and size are known of rows of stations")
-    first_m, last_m = thing.stenosed_m or (min(course), max(course))
-    inside = [y_m for y_m in course if first_m <= y_m <= last_m]
+    ends_m = thing.stenosed_m or tuple(course)
+    inside = [y_m for y_m in course if min(ends_m) <= y_m <= max(ends_m)]
     y_m = min(inside, key=lambda y_m: abs(course[y_m] - thing.position_m))
     likelihood = known.row(rows[y_m])
     if isinstance(likelihood, str):
@@ -155,7 +156,10 @@ def _in_grid(
 
 def narrowed_sizes(both: TwoRows) -> Sizes:
     """What a row over a narrowing and one over the open vessel say of it."""
-    posterior = explained(both.model(), both.count)
+    model = both.model()
+    if model is None:
+        return unknown(NO_ROOM)
+    posterior = explained(model, both.count)
     if isinstance(posterior, Posterior):
         posterior = replace(posterior, points=narrowed(posterior.points))
     return sizes(ALONE, 0, posterior, both.narrowed_row, rows=2)

@@ -49,10 +49,14 @@ class TwoRows:
         """Numbers that were measured in both."""
         return len(self.narrowed_row.measured) + len(self.open_row.measured)
 
-    def model(self) -> Model:
-        """Of both rows together, with the errors that the table has about each one's own fit."""
+    def model(self) -> Model | None:
+        """Of both rows together, with the errors that the table has about each one's own fit; None
+        where one has no room for a vessel."""
         rows = self.narrowed_row, self.open_row
-        fits = [laplace(row.model(ALONE)).best for row in rows]
+        firsts = [row.model(ALONE) for row in rows]
+        if not all(len(first.starts) for first in firsts):
+            return None
+        fits = [laplace(first).best for first in firsts]
         of_narrowed, of_open = (
             row.model(ALONE, fit, len(rows)) for row, fit in zip(rows, fits, strict=True)
         )

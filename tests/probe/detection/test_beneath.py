@@ -11,7 +11,8 @@ import pytest
 import palpate
 from palpate import Recording, Station
 from probe.detection.beneath import explain
-from probe.detection.beneath.explain import known_block, with_sizes
+from probe.detection.beneath.explain import known_block, narrowed_sizes, with_sizes
+from probe.detection.beneath.narrowing import TwoRows
 from probe.detection.beneath.posterior import Model, Posterior, laplace, sample
 from probe.detection.beneath.rivals import likeliest
 from probe.detection.finding import ObjectFinding
@@ -132,6 +133,20 @@ def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
     assert vessel.sizes.diameter_ci_m[0] < 4.5e-3 < vessel.sizes.diameter_ci_m[1]
     said = vessel.sizes.as_json()
     assert said["stenosis_ci"][0] == low and "stenosis" not in said["undecided"]
+
+
+def test_two_rows_at_a_block_s_side_have_no_room_for_a_vessel() -> None:
+    recording = felt_over([narrowed(0.0)])
+    known, presses = known_block(recording), presses_of(recording, 0.005)
+    assert not isinstance(known, str)
+    aside = [
+        replace(press, station=replace(press.station, x_m=58e-3 + 0.3e-3 * n))
+        for n, press in enumerate(presses)
+    ]
+    row = known.row(aside)
+    assert not isinstance(row, str)
+    said = narrowed_sizes(TwoRows(row, row))
+    assert said.undecided["stenosis"] == "the row has no room for it"
 
 
 def test_over_a_grid_a_lump_is_known_by_the_row_that_shows_it_best() -> None:
