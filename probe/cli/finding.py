@@ -17,6 +17,14 @@ from probe.core.finding_words import number_words, percent, simulated_words, siz
 from probe.core.places import has_rows
 
 MAX_LINES = 40
+PriorsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--priors",
+        metavar="FILE",
+        help="TOML file of what is known beforehand, as diastolic_mmhg = [76, 80] by a cuff.",
+    ),
+]
 
 
 def detect(
@@ -33,6 +41,7 @@ def detect(
             "the paper's healthy artery on this probe's face.",
         ),
     ] = None,
+    priors: PriorsFile = None,
     empty: Annotated[
         str | None,
         typer.Option(
@@ -50,10 +59,12 @@ def detect(
         raise typer.BadParameter(f"--ask {ask:g}: a pulse in Pa, more than 0")
     from probe.storage.run import open_run
 
+    believed = _priors(priors)
+
     def look(run: Path) -> dict[str, Any]:
         began_s = time.perf_counter()
         recording = open_run(run).recording(any_unit=True)
-        one = finding_json(run, recording, began_s, false_alarm, ask)
+        one = finding_json(run, recording, began_s, false_alarm, ask, believed)
         if empty is not None:
             one = _unlike(one, recording, empty)
         if not json:
@@ -66,6 +77,13 @@ def detect(
 
     _, status = of_each(runs, look, json=json)
     raise typer.Exit(status)
+
+
+def _priors(file: Path | None) -> Any:
+    """What a file of priors says, or without one what is believed by default."""
+    from probe.detection.priors import DEFAULT, priors_of
+
+    return DEFAULT if file is None else priors_of(file)
 
 
 def _unlike(found: Mapping[str, Any], recording: Any, empty: str) -> dict[str, Any]:
@@ -150,6 +168,7 @@ def compare(
 def twin(
     run: RunFile,
     out: Annotated[Path, typer.Option("--out", help="The scene file to write.")],
+    priors: PriorsFile = None,
     json: Json = False,
 ) -> None:
     """Write the scene that one run's tissue most likely is, to press or scan in its place."""
@@ -159,7 +178,7 @@ def twin(
     from probe.cli.scenes import describe
     from probe.detection.twin import twin as twin_of
 
-    scene = twin_of(run)
+    scene = twin_of(run, priors=_priors(priors))
     write_scene(scene, out)
     if json:
         answer_json({"scene": str(out), **scene.model_dump(mode="json")})
@@ -174,11 +193,15 @@ def finding_json(
     began_s: float,
     false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
+    priors: Any = None,
 ) -> dict[str, Any]:
     """The JSON object of ``scan`` and ``detect``."""
     from probe.detection import detect as detect_in
 
-    found = detect_in(recording, false_alarm=false_alarm, asked_pa=asked_pa).as_json()
+    believed = priors or _priors(None)
+    found = detect_in(
+        recording, false_alarm=false_alarm, asked_pa=asked_pa, priors=believed
+    ).as_json()
     printed: dict[str, Any] = plain(
         {
             "run": run_path,

@@ -6,6 +6,7 @@ from math import isfinite, nan
 from typing import Any, Final, Literal
 
 from probe.core.finding_words import summary
+from probe.detection.priors import DEFAULT, Priors
 from probe.detection.sizes import Sizes
 from sim_backend import html
 
@@ -146,7 +147,7 @@ class Finding:
 
     ``needed_pa`` is the smallest pulse, trough to crest, that most presses would have shown (NaN:
     unknown), ``asked_pa`` the one that it was to show. ``heart_rate_bpm`` is the rate with its 95 %
-    interval, None without a pulse.
+    interval, None without a pulse. ``priors`` are what sizes rest on beside the scan.
 
     Examples
     --------
@@ -164,6 +165,7 @@ class Finding:
     needed_pa: float = nan
     asked_pa: float = nan
     heart_rate_bpm: tuple[float, float, float] | None = None
+    priors: Priors = DEFAULT
 
     def __repr__(self) -> str:
         """As the terminal shows it; the numbers are in the attributes and in `as_json`."""
@@ -199,6 +201,7 @@ class Finding:
             "asked_pa": _known(self.asked_pa),
             "heart_rate_bpm": self.heart_rate_bpm[0] if self.heart_rate_bpm else None,
             "heart_rate_ci_bpm": list(self.heart_rate_bpm[1:]) if self.heart_rate_bpm else None,
+            "priors": self.priors.model_dump(mode="json"),
             "objects": [_object(one, self._pulse_pa(one)) for one in self.objects],
             "stations": [
                 {

@@ -32,6 +32,7 @@ from probe.detection.map.row_shapes import with_edges
 from probe.detection.map.rows_or_area import is_area, runs_along_rows
 from probe.detection.map.straight_line import or_lines, unnamed_line
 from probe.detection.map.vessel_tracking import across_rows
+from probe.detection.priors import DEFAULT, Priors, priors_of
 from probe.detection.pulse.causes import MOVERS
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
@@ -57,6 +58,7 @@ def detect(
     *,
     false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
+    priors: Priors | str | PathLike[str] = DEFAULT,
 ) -> Finding:
     """What lies beneath a scan, and where.
 
@@ -72,6 +74,9 @@ def detect(
         The smallest pulse, trough to crest [Pa], that "nothing" is to rule out: where the
         scan would not have shown it, the finding is "cannot see". By default it is that of
         the paper's healthy artery on this probe's face.
+    priors
+        What is believed of tissue, pressures and rig beforehand, or a TOML file of it, as
+        ``diastolic_mmhg = [76, 80]`` by a cuff: depth and size depend on it.
 
     Returns
     -------
@@ -83,6 +88,8 @@ def detect(
     ------
     RunFileError
         The file cannot be read, or is no run.
+    ConfigError
+        The file of priors names the key that is wrong.
 
     Examples
     --------
@@ -92,7 +99,7 @@ def detect(
     """
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
-    recording = recording_of(source)
+    recording, believed = recording_of(source), priors_of(priors)
     if recording.unit != "Pa":
         return _without_stress(recording, false_alarm)
     if asked_pa is None:
@@ -122,7 +129,7 @@ def detect(
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
-    objects = with_sizes(recording, presses, objects)
+    objects = with_sizes(recording, presses, objects, believed)
     objects = [replace(thing, confidence=stated(thing.confidence)) for thing in objects]
     objects.sort(key=lambda thing: (np.isnan(thing.position_m), thing.position_m))
     beats = heart_rate(presses)
@@ -148,7 +155,7 @@ def detect(
         reason = _why_no_station(recording)
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
-        beats,
+        beats, believed,
     )  # fmt: skip
 
 

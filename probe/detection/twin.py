@@ -12,6 +12,7 @@ from probe.detection.beneath.explain import explain_row, known_block
 from probe.detection.beneath.posterior import Posterior, laplace
 from probe.detection.beneath.stated import why_unknown
 from probe.detection.finding import HEALTHY
+from probe.detection.priors import DEFAULT, Priors, priors_of
 from probe.detection.pulse.presses import presses_of
 from probe.detection.scan import detect
 from probe.storage.run import recording_of
@@ -22,7 +23,9 @@ OPEN = 1e-3
 """A narrowing of less is none."""
 
 
-def twin(source: Recording | str | PathLike[str]) -> Scene:
+def twin(
+    source: Recording | str | PathLike[str], *, priors: Priors | str | PathLike[str] = DEFAULT
+) -> Scene:
     """The likeliest scene of a row of presses.
 
     Its block, finger and support are those that the run was of; the tissue's modulus, and place,
@@ -34,6 +37,8 @@ def twin(source: Recording | str | PathLike[str]) -> Scene:
     ----------
     source
         A recording, a run, or a run file, of one row.
+    priors
+        As `detect` takes them.
 
     Returns
     -------
@@ -46,6 +51,8 @@ def twin(source: Recording | str | PathLike[str]) -> Scene:
         The scan does not say what lies there; the text says why.
     RunFileError
         The file cannot be read, or is no run.
+    ConfigError
+        The file of priors names the key that is wrong.
 
     Examples
     --------
@@ -54,13 +61,13 @@ def twin(source: Recording | str | PathLike[str]) -> Scene:
     >>> vessel.kind, vessel.stenosis
     ('artery', None)
     """
-    recording = recording_of(source)
-    known = known_block(recording)
+    recording, believed = recording_of(source), priors_of(priors)
+    known = known_block(recording, believed)
     if isinstance(known, str):
         raise SceneError(f"the scan has no twin: {known}")
     if len(recording.rows()) > 1:
         raise SceneError("the scan has no twin: it is of several rows; a twin is of one")
-    found = detect(recording)
+    found = detect(recording, priors=believed)
     if not found.objects:
         raise SceneError(f"the scan has no twin: finding {found.finding}, {found.reason}")
     likelihood = known.row(presses_of(recording, DEFAULT_FALSE_ALARM / 2))

@@ -23,6 +23,7 @@ from probe.detection.beneath.rivals import (
 from probe.detection.beneath.row_data import row_data
 from probe.detection.beneath.stated import Misfit, sizes
 from probe.detection.finding import ObjectFinding
+from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press
 from probe.detection.repeats import MIN_NAMED
 from probe.detection.sizes import Sizes, unknown
@@ -43,11 +44,12 @@ NO_ROOM = "the row has no room for it"
 
 
 class Known(NamedTuple):
-    """The block that was scanned, and the touch table of its finger."""
+    """The block that was scanned, its finger's touch table, and what is believed beforehand."""
 
     scene: Scene
     table: TouchTable
     face_m2: float
+    priors: Priors
 
     def row(self, presses: Sequence[Press]) -> Likelihood | str:
         """Of what presses of one row measured, or why there is none."""
@@ -56,7 +58,7 @@ class Known(NamedTuple):
             return "the run holds no ramps with places and depths"
         if len(np.unique(data.x_m)) < MIN_NAMED:
             return f"a row of at least {MIN_NAMED} stations is needed"
-        likelihood = Likelihood(data, self.table, self.scene)
+        likelihood = Likelihood(data, self.table, self.scene, self.priors)
         deepest = self.table.depths[1]
         if likelihood.sunk[-1] > 1.01 * deepest:
             deepest_mm = 1e3 * deepest * likelihood.half_width_m
@@ -65,12 +67,13 @@ class Known(NamedTuple):
 
 
 def with_sizes(
-    recording: Recording, presses: tuple[Press, ...], objects: list[ObjectFinding]
-) -> list[ObjectFinding]:
+    recording: Recording, presses: tuple[Press, ...], objects: list[ObjectFinding],
+    priors: Priors = DEFAULT,
+) -> list[ObjectFinding]:  # fmt: skip
     """The objects of a scan with their sizes; in place of a single one of a lone row that no single
     body explains, the two that do. Over a grid each has those of the row in which it is clearest.
     """
-    known = known_block(recording)
+    known = known_block(recording, priors)
     if isinstance(known, str):
         return [replace(thing, sizes=unknown(known)) for thing in objects]
     rows = {recording.stations[row[0]].y_m: [presses[i] for i in row] for row in recording.rows()}
@@ -183,7 +186,7 @@ def explained(model: Model, count: int) -> Posterior | Misfit | None:
     return None
 
 
-def known_block(recording: Recording) -> Known | str:
+def known_block(recording: Recording, priors: Priors = DEFAULT) -> Known | str:
     """What a scan was of, or why depth and size cannot be known."""
     if recording.block is None:
         return (
@@ -198,4 +201,4 @@ def known_block(recording: Recording) -> Known | str:
         return f'there is no table for this finger on this support in plane = "{scene.plane}"'
     if not table.knows(scene):
         return "the block is flatter, higher, narrower or wider than those of this finger's table"
-    return Known(scene, table, recording.face_m2)
+    return Known(scene, table, recording.face_m2, priors)

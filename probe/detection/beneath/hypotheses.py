@@ -13,27 +13,17 @@ from drivers.core.arrays import Array, Bools
 from probe.detection.beneath.posterior import Model
 from probe.detection.beneath.row_data import RowData
 from probe.detection.finding import NAMED, VESSELS
+from probe.detection.priors import DEFAULT, Priors
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kinds import BLOCK, KINDS, LUMP, VESSEL, Kind
 from sim_backend.touch.table import AtDepths, TouchTable, block_of
 
 PA_PER_MMHG = 133.322387415
-PRESSURES = {"pressure": (60.0, 100.0), "swing": (20.0, 62.0)}
-"""Diastole and pulse pressure of most adults [mmHg], each evenly (ESC/ESH 2018, table 3, from
-optimal to grade 2)."""
+PRESSURES = ("pressure", "swing")
+"""Diastole and pulse pressure [mmHg]."""
 OF_PRESSURES = ("log_pressure", "swing")
 """What follows from those for a vessel: diastole over the tissue's modulus, and pulse pressure over
 diastole."""
-TISSUE_PA = (2e3, 500e3)
-"""Fat to tight muscle (Wells & Liang 2011, table 1), each decade alike."""
-TILT, BOW_M, OFFSET_M = 0.01, 50e-6, 50e-6
-"""How far a surface is tilted, bent and off its height from where the rig takes it to be: stages
-and jigs on a bench; a touch before each press leaves less."""
-REPEATABILITY_M = 10e-6
-ZERO_N = 2e-3
-GAIN = 0.3
-"""Of each depth, in all presses alike: relaxing tissue presses back less at each step of the ramp,
-in proportion to its stiffness (117 curves on meat lose 28 % in 0.8 s)."""
 MODEL, MODEL_OF_BUMP, MODEL_OF_PULSE = 0.002, 0.015, 0.08
 """What finite elements are off by, of the force, of a bump, and of a pulse from beat to beat."""
 REACH, REACH_SUNK = 1.5, 0.25
@@ -82,9 +72,13 @@ class Bodies:
         own = [columns[f"{n}.{name}"] for name in self.kinds[n].parameters[: -len(BLOCK)]]
         return np.hstack([np.stack(own, axis=1), np.tile(block, (len(theta), 1))])
 
-    def ranges(self, row: Array) -> Array:
+    def ranges(self, row: Array, priors: Priors) -> Array:
         """Ends (2, p) of each parameter; bodies lie under the ``row`` (n,)."""
-        ends = {"log_modulus": (np.log(TISSUE_PA[0]), np.log(TISSUE_PA[1])), **PRESSURES}
+        softest_kpa, stiffest_kpa = priors.tissue_kpa
+        ends = {
+            "log_modulus": (np.log(1e3 * softest_kpa), np.log(1e3 * stiffest_kpa)),
+            "pressure": priors.diastolic_mmhg, "swing": priors.pulse_pressure_mmhg,
+        }  # fmt: skip
         for n, kind in enumerate(self.kinds):
             for name, low, high in zip(kind.parameters, kind.low, kind.high, strict=True):
                 ends[f"{n}.{name}"] = (low, high)
@@ -100,9 +94,11 @@ class Likelihood:
     prior each, which makes the noise correlated.
     """
 
-    def __init__(self, data: RowData, table: TouchTable, scene: Scene) -> None:
+    def __init__(
+        self, data: RowData, table: TouchTable, scene: Scene, priors: Priors = DEFAULT
+    ) -> None:
         assert scene.tissue is not None
-        self.data, self.table = data, table
+        self.data, self.table, self.priors = data, table, priors
         self.half_width_m = 0.5e-3 * scene.indenter.width_mm_projected
         self.middle_m = 0.5e-3 * scene.tissue.width_mm
         self.x = (data.x_m - self.middle_m) / self.half_width_m
@@ -146,7 +142,7 @@ class Likelihood:
         ``rows`` over one body: with so many times their variance the mean is known no better."""
         root, log_det = self._root(bodies, about, rows)
         count = len(self.measured)
-        low, high = bodies.ranges(self.x)
+        low, high = bodies.ranges(self.x, self.priors)
 
         def misfit(theta: Array) -> Array:
             return (self.measured - self.predicted(bodies, theta)) @ root.T
@@ -186,19 +182,20 @@ class Likelihood:
 
     def _root(self, bodies: Bodies, about: Array | None, rows: int) -> tuple[Array, float]:
         """The inverse of the covariance's Cholesky factor, and the covariance's log determinant."""
-        data, n = self.data, len(self.x)
+        data, n, priors = self.data, len(self.x), self.priors
         slope, force = data.slope_n_per_m, data.force_n
         x_m = data.x_m - data.x_m.mean()
         half_m = max(float(np.abs(x_m).max()), 1e-6)
         steep = slope / force
         columns = [
-            steep * TILT * x_m[:, None],
-            steep * BOW_M * (x_m[:, None] / half_m) ** 2,
-            steep * OFFSET_M,
-            ZERO_N / force,
-            *(GAIN * np.ones_like(force) * (np.arange(force.shape[1]) == k)
+            steep * 1e-3 * priors.tilt_mm_per_m * x_m[:, None],
+            steep * 1e-3 * priors.bow_mm * (x_m[:, None] / half_m) ** 2,
+            steep * 1e-3 * priors.height_mm,
+            1e-3 * priors.zero_mn / force,
+            *(priors.relaxation * np.ones_like(force) * (np.arange(force.shape[1]) == k)
               for k in range(force.shape[1])),
-            *(REPEATABILITY_M * steep * (np.arange(n) == k)[:, None] for k in range(n)),
+            *(1e-3 * priors.repeatability_mm * steep * (np.arange(n) == k)[:, None]
+              for k in range(n)),
         ]  # fmt: skip
         of_force = np.array([column.ravel() for column in columns]).T
         known = np.vstack([of_force, np.zeros((n, of_force.shape[1]))])

@@ -49,7 +49,7 @@ def sizes(
     }
     if beats and rows > 1:
         values["stenosis"] = ("narrowing", of("narrowing"))
-    ranges = bodies.ranges(likelihood.x)
+    ranges = bodies.ranges(likelihood.x, likelihood.priors)
     said: dict[str, Any] = {}
     why = {"stenosis": ONE_ROW} if beats and rows == 1 else {}
     for name, (parameter, value) in values.items():

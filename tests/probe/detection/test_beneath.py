@@ -16,6 +16,7 @@ from probe.detection.beneath.narrowing import TwoRows
 from probe.detection.beneath.posterior import Model, Posterior, laplace, sample
 from probe.detection.beneath.rivals import likeliest
 from probe.detection.finding import ObjectFinding
+from probe.detection.priors import priors_of
 from probe.detection.pulse.presses import presses_of
 from probe.storage.run import recording_of
 from sim_backend.scene.inclusion import Artery
@@ -154,6 +155,45 @@ def test_over_a_grid_a_lump_is_known_by_the_row_that_shows_it_best() -> None:
     (found,) = palpate.detect(felt_over([bare, lump, bare])).objects
     low_m, high_m = found.sizes.depth_ci_m
     assert low_m < 12.66e-3 < high_m and high_m - low_m < 5e-3
+
+
+BENCH = """
+diastolic_mmhg = [78.0, 82.0]  # by a cuff
+pulse_pressure_mmhg = [38.0, 42.0]
+tilt_mm_per_m = 2.0            # a granite table
+bow_mm = 0.01
+height_mm = 0.01
+repeatability_mm = 0.002
+relaxation = 0.05              # silicone
+"""
+
+
+def test_what_is_known_of_heart_and_bench_narrows_the_sizes_of_a_vessel(tmp_path: Path) -> None:
+    (tmp_path / "bench.toml").write_text(BENCH)
+    scan = felt_over([palpate.load_scene("TIHA")])
+    by_default, by_bench = (
+        palpate.detect(scan),
+        palpate.detect(scan, priors=tmp_path / "bench.toml"),
+    )
+    (any_rig,), (this_rig,) = by_default.objects, by_bench.objects
+    low_m, high_m = this_rig.sizes.diameter_ci_m
+    assert low_m < 4.5e-3 < high_m and high_m - low_m < 0.8 * np.ptp(any_rig.sizes.diameter_ci_m)
+    assert 400e3 < this_rig.sizes.modulus_ci_pa[1] < 0.9 * any_rig.sizes.modulus_ci_pa[1]
+    assert by_bench.as_json()["priors"]["diastolic_mmhg"] == [78.0, 82.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("diastolic_mmhg = [90.0, 80.0]", "the lower end comes first"), ("cuff = 1", "cuff"),
+     ("tissue_kpa = [0, 5]", "tissue_kpa")],
+)  # fmt: skip
+def test_a_file_of_priors_that_cannot_be_is_refused_by_its_key(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    file = tmp_path / "priors.toml"
+    file.write_text(text)
+    with pytest.raises(palpate.ConfigError, match=f"priors.toml: .*{said}"):
+        priors_of(file)
 
 
 def test_a_twin_presses_back_as_what_was_scanned() -> None:
