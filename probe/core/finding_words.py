@@ -51,17 +51,17 @@ def object_line(one: Mapping[str, Any]) -> str:
     return ", ".join(parts + over_rows(one))
 
 
-SIZES = {"depth": ("_mm", " mm"), "diameter": ("_mm", " mm"), "modulus": ("_kpa", " kPa"),
-         "stenosis": ("", "")}  # fmt: skip
-"""How the keys of each end, and its unit as it is shown."""
+SIZES = {"depth": ("_mm", " mm", 1), "diameter": ("_mm", " mm", 1),
+         "modulus": ("_kpa", " kPa", 1), "stenosis": ("", " %", 100)}  # fmt: skip
+"""How the keys of each end, its unit as it is shown, and how many of that its own are."""
 
 
 def sizes_words(one: Mapping[str, Any]) -> list[str]:
     """Depth, diameter, stiffness and narrowing with their 95 % intervals, or their bounds."""
     parts = []
-    for name, (key, unit) in SIZES.items():
-        low, high = one.get(f"{name}_ci{key}") or (None, None)
-        value = one.get(name + key)
+    for name, (key, unit, per) in SIZES.items():
+        said = [one.get(name + key), *(one.get(f"{name}_ci{key}") or (None, None))]
+        value, low, high = (None if number is None else per * number for number in said)
         of = "inner diameter" if name == "diameter" and "artery" in one["kind"] else name
         if value is not None:
             parts.append(f"{of} {value:.3g}{unit} (95 %: {low or 0:.3g} to {high:.3g})")

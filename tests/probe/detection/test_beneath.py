@@ -126,7 +126,8 @@ def narrowed(fraction: float) -> Scene:
 
 
 def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
-    (vessel,) = palpate.detect(felt_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)])).objects
+    found = palpate.detect(felt_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)]))
+    (vessel,) = found.objects
     assert vessel.kind == "stenotic artery" and vessel.stenosed_m == (8e-3, 8e-3)
     low, high = vessel.sizes.stenosis_ci
     assert 0.1 < low < 0.4 < high
@@ -134,6 +135,7 @@ def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
     assert vessel.sizes.diameter_ci_m[0] < 4.5e-3 < vessel.sizes.diameter_ci_m[1]
     said = vessel.sizes.as_json()
     assert said["stenosis_ci"][0] == low and "stenosis" not in said["undecided"]
+    assert f"stenosis above {100 * low:.0f} %" in repr(found)
 
 
 def test_two_rows_at_a_block_s_side_have_no_room_for_a_vessel() -> None:
