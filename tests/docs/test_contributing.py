@@ -46,6 +46,8 @@ DEFINED = {
     "beside a movement": "def calm_half(",
     "drift through a sensor": "def unrounded(",
     "presses over nothing": "def unlike_empty",
+    "priors of what lies beneath": "class Priors(",
+    "narrowing from a stiff wall": "class TwoRows",
     "tumour or artery": "def judge",
     "run file's layout": "CREATE TABLE",
     "finger and tissue": "def finger_pairs",
