@@ -57,9 +57,10 @@ def detect(
         raise typer.BadParameter(f"--false-alarm {false_alarm:g}: a chance between 0 and 1")
     if ask is not None and not 0 < ask < inf:
         raise typer.BadParameter(f"--ask {ask:g}: a pulse in Pa, more than 0")
+    from probe.detection.priors import priors_of
     from probe.storage.run import open_run
 
-    believed = _priors(priors)
+    believed = priors_of(priors)
 
     def look(run: Path) -> dict[str, Any]:
         began_s = time.perf_counter()
@@ -79,39 +80,32 @@ def detect(
     raise typer.Exit(status)
 
 
-def _priors(file: Path | None) -> Any:
-    """What a file of priors says, or without one what is believed by default."""
-    from probe.detection.priors import DEFAULT, priors_of
-
-    return DEFAULT if file is None else priors_of(file)
-
-
 def _unlike(found: Mapping[str, Any], recording: Any, empty: str) -> dict[str, Any]:
     """What --empty adds: ``empty``, how many presses over nothing at how many places there are, and
     ``stations`` with how unlike them each is; None of those that are themselves over nothing."""
     from probe.detection.unlike_empty import unlike_empty
 
     own = station_numbers(empty, "--empty") if set(empty) <= set("0123456789,- ") else []
-    if missing := set(own) - {one.index + 1 for one in recording.stations}:
+    if missing := set(own) - {station.index + 1 for station in recording.stations}:
         raise typer.BadParameter(f"--empty {empty}: no complete station {min(missing)} in the run")
-    asked, nothing = (
+    others, empties = (
         replace(
             recording, stations=tuple(s for s in recording.stations if (s.index + 1 in own) is over)
         )
         for over in (False, True)
     )
     try:
-        unlike = unlike_empty(asked, nothing if own else empty)
+        unlike = unlike_empty(others, empties if own else empty)
     except ValueError as error:
         raise typer.BadParameter(f"--empty {empty}: {error}") from None
     said = {
         station.index + 1: {"unlike_empty": distance, "unlike_empty_chance": chance}
         for station, distance, chance in zip(
-            asked.stations, unlike.distance, unlike.chance, strict=True
+            others.stations, unlike.distance, unlike.chance, strict=True
         )
     }
     unknown = {"unlike_empty": None, "unlike_empty_chance": None}
-    stations = [one | said.get(one["station"], unknown) for one in found["stations"]]
+    stations = [press | said.get(press["station"], unknown) for press in found["stations"]]
     counted = {"presses": unlike.presses, "places": unlike.places}
     return dict(plain({**found, "stations": stations, "empty": counted}))
 
@@ -120,7 +114,7 @@ def _unlike_words(found: Mapping[str, Any], false_alarm: float) -> str:
     """Which stations are unlike presses over nothing, and how many would be by chance."""
     presses, places = found["empty"]["presses"], found["empty"]["places"]
     level = max(false_alarm, 1 / (presses + 1))
-    chances = {one["station"]: one["unlike_empty_chance"] for one in found["stations"]}
+    chances = {press["station"]: press["unlike_empty_chance"] for press in found["stations"]}
     judged = {number: chance for number, chance in chances.items() if chance is not None}
     named = [str(number) for number, chance in judged.items() if chance <= level]
     more = f" and {len(named) - MAX_LINES} more" if len(named) > MAX_LINES else ""
@@ -178,7 +172,7 @@ def twin(
     from probe.cli.scenes import describe
     from probe.detection.twin import twin as twin_of
 
-    scene = twin_of(run, priors=_priors(priors))
+    scene = twin_of(run, priors=priors)
     write_scene(scene, out)
     if json:
         answer_json({"scene": str(out), **scene.model_dump(mode="json")})
@@ -198,14 +192,11 @@ def finding_json(
     """The JSON object of ``scan`` and ``detect``."""
     from probe.detection import detect as detect_in
 
-    believed = priors or _priors(None)
-    found = detect_in(
-        recording, false_alarm=false_alarm, asked_pa=asked_pa, priors=believed
-    ).as_json()
+    finding = detect_in(recording, false_alarm=false_alarm, asked_pa=asked_pa, priors=priors)
     printed: dict[str, Any] = plain(
         {
             "run": run_path,
-            **found,
+            **finding.as_json(),
             "finish": recording.finish,
             "simulated": recording.simulated,
             "seconds": time.perf_counter() - began_s,

@@ -50,11 +50,11 @@ class Priors(Table):
 DEFAULT = Priors()
 
 
-def priors_of(said: Priors | str | PathLike[str]) -> Priors:
+def priors_of(said: Priors | str | PathLike[str] | None) -> Priors:
     """Those of a TOML file, in which what is left out is as by default; `Priors` as they are.
     Raises `ConfigError`, which names the key."""
-    if isinstance(said, Priors):
-        return said
+    if said is None or isinstance(said, Priors):
+        return said or DEFAULT
     file = path_of(said, "Priors or the name of their file")
     try:
         return Priors.model_validate(parse_toml(read_file(file, MAX_FILE_BYTES)))

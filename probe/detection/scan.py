@@ -32,7 +32,7 @@ from probe.detection.map.row_shapes import with_edges
 from probe.detection.map.rows_or_area import is_area, runs_along_rows
 from probe.detection.map.straight_line import or_lines, unnamed_line
 from probe.detection.map.vessel_tracking import across_rows
-from probe.detection.priors import DEFAULT, Priors, priors_of
+from probe.detection.priors import Priors, priors_of
 from probe.detection.pulse.causes import MOVERS
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
@@ -58,7 +58,7 @@ def detect(
     *,
     false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
-    priors: Priors | str | PathLike[str] = DEFAULT,
+    priors: Priors | str | PathLike[str] | None = None,
 ) -> Finding:
     """What lies beneath a scan, and where.
 
@@ -111,13 +111,14 @@ def detect(
     mapped = in_rows or is_area(recording.stations, rows)
     presses = presses_of(recording, false_alarm / 2 if mapped else false_alarm)
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
+    lines = [[presses[i] for i in row] for row in judged if row]
     unfinished = recording.finish != "completed"
     least_pa = float("inf")
     moving = _moving(presses)
     if is_area(recording.stations, judged) or (
         moving is not None and runs_along_rows(presses, _pitch_m(recording))
     ):
-        least_pa = float("nan")
+        least_pa, lines = float("nan"), []
         area = over_area(presses)
         objects = objects_in(area, moving, false_alarm) or unnamed_line(area, false_alarm)
         if unfinished:
@@ -129,7 +130,7 @@ def detect(
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
-    objects = with_sizes(recording, presses, objects, believed)
+    objects = with_sizes(recording, lines, objects, believed)
     objects = [replace(thing, confidence=stated(thing.confidence)) for thing in objects]
     objects.sort(key=lambda thing: (np.isnan(thing.position_m), thing.position_m))
     beats = heart_rate(presses)

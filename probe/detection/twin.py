@@ -12,7 +12,7 @@ from probe.detection.beneath.explain import explain_row, known_block
 from probe.detection.beneath.posterior import Posterior, laplace
 from probe.detection.beneath.stated import why_unknown
 from probe.detection.finding import HEALTHY
-from probe.detection.priors import DEFAULT, Priors, priors_of
+from probe.detection.priors import Priors, priors_of
 from probe.detection.pulse.presses import presses_of
 from probe.detection.scan import detect
 from probe.storage.run import recording_of
@@ -24,7 +24,9 @@ OPEN = 1e-3
 
 
 def twin(
-    source: Recording | str | PathLike[str], *, priors: Priors | str | PathLike[str] = DEFAULT
+    source: Recording | str | PathLike[str],
+    *,
+    priors: Priors | str | PathLike[str] | None = None,
 ) -> Scene:
     """The likeliest scene of a row of presses.
 
@@ -67,13 +69,13 @@ def twin(
         raise SceneError(f"the scan has no twin: {known}")
     if len(recording.rows()) > 1:
         raise SceneError("the scan has no twin: it is of several rows; a twin is of one")
-    found = detect(recording, priors=believed)
-    if not found.objects:
-        raise SceneError(f"the scan has no twin: finding {found.finding}, {found.reason}")
+    finding = detect(recording, priors=believed)
+    if not finding.objects:
+        raise SceneError(f"the scan has no twin: finding {finding.finding}, {finding.reason}")
     likelihood = known.row(presses_of(recording, DEFAULT_FALSE_ALARM / 2))
     if isinstance(likelihood, str):
         raise SceneError(f"the scan has no twin: {likelihood}")
-    said = explain_row(found.objects, likelihood, recording.face_m2)
+    said = explain_row(finding.objects, likelihood, recording.face_m2)
     if isinstance(said, str):
         raise SceneError(f"the scan has no twin: {said}")
     bodies, model = said.chosen.bodies, said.chosen.model

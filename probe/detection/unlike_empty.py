@@ -90,15 +90,15 @@ def unlike_empty(
     True
     """
     recording, nothing = recording_of(source), recording_of(empty)
-    kinds = [(len(one.channels), one.unit) for one in (recording, nothing)]
+    kinds = [(len(run.channels), run.unit) for run in (recording, nothing)]
     if kinds[0] != kinds[1]:
         read, wanted = (f"{count} channels in {unit}" for count, unit in kinds)
         raise ValueError(f"presses over nothing have {wanted}, these {read}: take one sensor")
     films, at = films_of(nothing), places_of(nothing)
     seen = np.isfinite(films).any(axis=1)
-    whole = np.isfinite(films[seen]).all(axis=0)  # a dead taxel says nothing
-    films, at = films[seen][:, whole], at[seen]
-    distance, chance = unlike(films_of(recording)[:, whole], films, at)
+    alive = np.isfinite(films[seen]).all(axis=0)  # a dead taxel says nothing
+    films, at = films[seen][:, alive], at[seen]
+    distance, chance = unlike(films_of(recording)[:, alive], films, at)
     return Unlike(distance, chance, len(films), len(np.unique(at)))
 
 

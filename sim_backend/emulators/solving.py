@@ -22,7 +22,7 @@ AFTER_OTHERS = 5
 """Nice value: after what is served, scanned and guarded, yet before a busy machine's other work. Of
 three grids of 25 presses (UR and FT-300, two processors, load 9 to 15) three were completed with 5;
 with 15 none, as a place was not solved within the 82 s that a scan waits for a held move."""
-Asked = tuple[tuple[float, float], float]
+Press = tuple[tuple[float, float], float]
 """A place (x, y) [m], and down to where it is to be solved [m]."""
 
 
@@ -35,9 +35,9 @@ class Solver:
 
     def __init__(self, phantom: Phantom) -> None:
         self._phantom = phantom
-        self._next: Asked | None = None
+        self._next: Press | None = None
         self._news = threading.Event()
-        self._why_not: dict[Asked, str] = {}
+        self._why_not: dict[Press, str] = {}
         self._ended = ""
         with no_ctrl_c():  # it is for who serves, which ends this one
             self._child = Child(solve, (phantom.scene,), pipes=1)
@@ -51,12 +51,12 @@ class Solver:
         as at a block's corner, which a finger beyond the edge crushes. Raises `RuntimeError` for a
         press into such a place.
         """
-        asked = self._phantom.place_of(target), self._phantom.depth_to_solve_m(target)
-        if self._known(asked):
+        press = self._phantom.place_of(target), self._phantom.depth_to_solve_m(target)
+        if self._known(press):
             return True
-        why_not = self._why_not.get(asked, self._ended)
+        why_not = self._why_not.get(press, self._ended)
         if not why_not:
-            self._next = asked
+            self._next = press
             self._news.set()
         if self._phantom.in_air(target):
             return True
@@ -71,8 +71,8 @@ class Solver:
         self._child.end(END_S)
         self._thread.join(timeout=END_S)
 
-    def _known(self, asked: Asked) -> bool:
-        place, depth_m = asked
+    def _known(self, press: Press) -> bool:
+        place, depth_m = press
         return self._phantom.solved_m(place) >= depth_m
 
     def _learn(self) -> None:
@@ -80,16 +80,16 @@ class Solver:
         try:
             while self._news.wait():
                 self._news.clear()
-                if (asked := self._next) is None:
+                if (press := self._next) is None:
                     return
-                if self._known(asked) or asked in self._why_not:
+                if self._known(press) or press in self._why_not:
                     continue
-                place, depth_m = asked
+                place, depth_m = press
                 depths_m = {depth_m, self._phantom.depth_ahead_m(place, depth_m)}
                 pipe.send((place, sorted(depths_m, reverse=True), self._phantom.array))
                 response, depth_m, why_not = pipe.recv()
                 if response is None:
-                    self._why_not[asked] = why_not
+                    self._why_not[press] = why_not
                 else:
                     self._phantom.learn(place, depth_m, response)
         except (EOFError, OSError):

@@ -67,19 +67,21 @@ class Known(NamedTuple):
 
 
 def with_sizes(
-    recording: Recording, presses: tuple[Press, ...], objects: list[ObjectFinding],
+    recording: Recording, rows: Sequence[Sequence[Press]], objects: list[ObjectFinding],
     priors: Priors = DEFAULT,
 ) -> list[ObjectFinding]:  # fmt: skip
     """The objects of a scan with their sizes; in place of a single one of a lone row that no single
     body explains, the two that do. Over a grid each has those of the row in which it is clearest.
+
+    ``rows`` are the presses in which objects were looked for row by row, none of an area.
     """
     known = known_block(recording, priors)
     if isinstance(known, str):
         return [replace(thing, sizes=unknown(known)) for thing in objects]
-    rows = {recording.stations[row[0]].y_m: [presses[i] for i in row] for row in recording.rows()}
-    if len(rows) > 1:
-        return [replace(thing, sizes=_in_grid(thing, objects, rows, known)) for thing in objects]
-    return _in_row(objects, known.row(presses), recording.face_m2)
+    if len(rows) == 1:
+        return _in_row(objects, known.row(rows[0]), recording.face_m2)
+    by_y = {row[0].station.y_m: row for row in rows}
+    return [replace(thing, sizes=_in_grid(thing, objects, by_y, known)) for thing in objects]
 
 
 class Explained(NamedTuple):

@@ -21,6 +21,9 @@ FREEDOM = 5.0
 """Degrees of freedom of the proposals, whose tails must be heavier than the posterior's."""
 MODES = 3
 STEP = 1e-5
+SAME_FIT = 3
+"""Decimals of a chi-square to which modes are one: a parameter that means nothing, as a plaque's
+modulus where there is no narrowing, is anywhere in them."""
 FEWEST = 8
 """Effective points a parameter that a proposal is fitted to, by flattening the weights."""
 
@@ -136,7 +139,7 @@ def _modes(model: Model) -> list[tuple[float, Array, Array]]:
         along = np.asarray(solved.jac) * slope
         curvature = along.T @ along
         found.append((2 * solved.cost, logit(unit), curvature + np.diag(2 * slope)))
-    found.sort(key=lambda one: one[0])
+    found.sort(key=lambda mode: round(mode[0], SAME_FIT))  # of equal ones the first, not rounding's
     apart = [found[0]]
     for one in found[1:]:
         near = any(np.abs(expit(one[1]) - expit(m[1])).max() < 0.1 for m in apart)

@@ -54,15 +54,15 @@ def sizes(
     why = {"stenosis": ONE_ROW} if beats and rows == 1 else {}
     for name, (parameter, value) in values.items():
         at, unit = bodies.column(n, parameter), UNITS[name]
-        left, middle, right = posterior.quantiles(value)
+        lower, middle, upper = posterior.quantiles(value)
         from_low, from_high = _ends(posterior, at, *ranges[:, at])
-        bounds = (-np.inf if from_low else float(left), np.inf if from_high else float(right))
+        bounds = (-np.inf if from_low else float(lower), np.inf if from_high else float(upper))
         if from_low and from_high:
             why[name] = "what was scanned does not tell it"
             continue
-        if unit and not (from_low or from_high) and (right - left) / 2 > KNOWN * middle:
-            per, shown = SHOWN[unit]
-            why[name] = f"known only from {per * left:.3g} to {per * right:.3g}{shown}"
+        if unit and not (from_low or from_high) and (upper - lower) / 2 > KNOWN * middle:
+            per, said_unit = SHOWN[unit]
+            why[name] = f"known only from {per * lower:.3g} to {per * upper:.3g}{said_unit}"
             continue
         said[f"{name}_ci{unit}"] = bounds
         if np.isfinite(bounds).all():

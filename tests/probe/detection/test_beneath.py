@@ -93,18 +93,18 @@ def two_in(scene: Scene, first: dict[str, float], other: Scene, second: dict[str
     return scene.model_copy(update={"name": "two", "inclusion": bodies})
 
 
-def felt_over(scenes: Sequence[Scene], noise_n: float = 0.5e-3) -> Recording:
-    """A row of 15 presses, 4 mm apart, over each of some scenes, as a touch table feels them."""
+def recorded_over(scenes: Sequence[Scene], noise_n: float = 0.5e-3) -> Recording:
+    """A row of 15 presses, 4 mm apart, over each of some scenes, by a touch table."""
     rng, t, stations = np.random.default_rng(2), np.arange(0, 4.5, 0.01), []
     ramp_m, face_m2 = 2.5e-3 * np.clip(t - 0.5, 0, 1), 1e-4
     for j, scene in enumerate(scenes):
-        felt, wave = (
+        touch, wave = (
             palpate.touch(scene),
             load_wave(scene.pulse.model_copy(update={"wave": "brachial"})),
         )
         beat_mmhg = wave.pressure_pa(1.2 * t) / PA_PER_MMHG
         for i in range(15):
-            force_n = felt.force_n(4.0 * (i + 1), 1e3 * ramp_m, beat_mmhg)
+            force_n = touch.force_n(4.0 * (i + 1), 1e3 * ramp_m, beat_mmhg)
             signal = (force_n + noise_n * rng.normal(size=len(t))) / face_m2
             stations.append(Station(
                 15 * j + i, 4e-3 * (i + 1), 4e-3 * j, t, signal[:, None],
@@ -126,7 +126,7 @@ def narrowed(fraction: float) -> Scene:
 
 
 def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
-    found = palpate.detect(felt_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)]))
+    found = palpate.detect(recorded_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)]))
     (vessel,) = found.objects
     assert vessel.kind == "stenotic artery" and vessel.stenosed_m == (8e-3, 8e-3)
     low, high = vessel.sizes.stenosis_ci
@@ -138,8 +138,21 @@ def test_a_row_over_the_open_vessel_tells_how_narrow_it_is_in_another() -> None:
     assert f"stenosis above {100 * low:.0f} %" in repr(found)
 
 
+def test_a_row_whose_first_press_met_nothing_is_a_row() -> None:
+    """A robot comes back to a row's y to within micrometres only."""
+    scan = recorded_over([narrowed(0.0), narrowed(0.0), narrowed(0.4)])
+    lost = scan.stations[30]
+    missed = replace(
+        lost, y_m=lost.y_m + 3e-6, signal_pa=lost.signal_pa - lost.signal_pa.mean(axis=0),
+        saturated=np.ones_like(lost.saturated),
+    )  # fmt: skip
+    stations = (*scan.stations[:30], missed, *scan.stations[31:])
+    (vessel,) = palpate.detect(replace(scan, stations=stations)).objects
+    assert vessel.kind == "stenotic artery" and vessel.sizes.stenosis_ci[0] > 0.1
+
+
 def test_two_rows_at_a_block_s_side_have_no_room_for_a_vessel() -> None:
-    recording = felt_over([narrowed(0.0)])
+    recording = recorded_over([narrowed(0.0)])
     known, presses = known_block(recording), presses_of(recording, 0.005)
     assert not isinstance(known, str)
     aside = [
@@ -154,7 +167,7 @@ def test_two_rows_at_a_block_s_side_have_no_room_for_a_vessel() -> None:
 
 def test_over_a_grid_a_lump_is_known_by_the_row_that_shows_it_best() -> None:
     lump, bare = palpate.load_scene("TIT"), palpate.load_scene("TI")
-    (found,) = palpate.detect(felt_over([bare, lump, bare])).objects
+    (found,) = palpate.detect(recorded_over([bare, lump, bare])).objects
     low_m, high_m = found.sizes.depth_ci_m
     assert low_m < 12.66e-3 < high_m and high_m - low_m < 5e-3
 
@@ -172,7 +185,7 @@ relaxation = 0.05              # silicone
 
 def test_what_is_known_of_heart_and_bench_narrows_the_sizes_of_a_vessel(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text(BENCH)
-    scan = felt_over([palpate.load_scene("TIHA")])
+    scan = recorded_over([palpate.load_scene("TIHA")])
     by_default, by_bench = (
         palpate.detect(scan),
         palpate.detect(scan, priors=tmp_path / "bench.toml"),
@@ -200,7 +213,7 @@ def test_a_file_of_priors_that_cannot_be_is_refused_by_its_key(
 
 def test_a_twin_presses_back_as_what_was_scanned() -> None:
     lump = palpate.load_scene("TIT")
-    twin = palpate.twin(felt_over([lump]))
+    twin = palpate.twin(recorded_over([lump]))
     x_mm = np.arange(4.0, 61.0, 4.0)
     true_n, its_n = (palpate.touch(scene).force_n(x_mm, 2.5) for scene in (lump, twin))
     np.testing.assert_allclose(its_n, true_n, rtol=0.02)
@@ -208,12 +221,12 @@ def test_a_twin_presses_back_as_what_was_scanned() -> None:
 
 
 def test_a_healthy_twin_is_open_and_what_is_not_known_has_none() -> None:
-    (vessel,) = palpate.twin(felt_over([palpate.load_scene("TIHA")])).inclusion
+    (vessel,) = palpate.twin(recorded_over([palpate.load_scene("TIHA")])).inclusion
     assert isinstance(vessel, Artery) and vessel.stenosis is None
     with pytest.raises(palpate.SceneError, match="finding nothing"):
-        palpate.twin(felt_over([palpate.load_scene("TI")]))
+        palpate.twin(recorded_over([palpate.load_scene("TI")]))
     with pytest.raises(palpate.SceneError, match="several rows"):
-        palpate.twin(felt_over([narrowed(0.0), narrowed(0.4)]))
+        palpate.twin(recorded_over([narrowed(0.0), narrowed(0.4)]))
 
 
 def test_each_of_two_lumps_has_its_depth(tmp_path: Path) -> None:
@@ -245,12 +258,12 @@ def test_two_bodies_are_stated_where_one_explains_nothing(tmp_path: Path) -> Non
     recording = recording_of(next(tmp_path.glob("*.run")))
     presses = presses_of(recording, 0.005)
     one = replace(palpate.detect(recording).objects[0], position_m=31e-3)
-    found = with_sizes(recording, presses, [one])
+    found = with_sizes(recording, [presses], [one])
     assert [round(1e3 * body.position_m) for body in found] == [26, 36]
     assert all("more than one thing" in body.reason or body.kind == "tumour" for body in found)
-    assert with_sizes(recording, presses, []) == []
+    assert with_sizes(recording, [presses], []) == []
     even = replace(one, kind="undecided", reason="between tumour 60 %, artery 40 %; hold longer")
-    said = with_sizes(recording, presses, [even])
+    said = with_sizes(recording, [presses], [even])
     assert [body.kind for body in said] == ["undecided"] * 2, "an undecided one names no two"
 
 
@@ -268,7 +281,7 @@ def test_a_short_row_has_no_room_for_two_bodies(tmp_path: Path) -> None:
     assert likeliest([(LUMP, VESSEL)], likelihood) is None
     (one, *_) = palpate.detect(recording).objects or [found_at(32e-3)]
     two = [replace(one, kind="tumour", position_m=x_m) for x_m in (31e-3, 33e-3)]
-    assert [body.sizes.undecided["depth"] for body in with_sizes(recording, presses, two)] == [
+    assert [body.sizes.undecided["depth"] for body in with_sizes(recording, [presses], two)] == [
         "the row has no room for it"
     ] * 2
 
@@ -286,7 +299,7 @@ def test_only_what_is_undecided_for_even_chances_is_decided_by_its_body(
     recording = recording_of(next(tmp_path.glob("*.run")))
     even = {"tumour": 0.51, "artery": 0.03, "stenotic artery": 0.44, "something else": 0.02}
     one = replace(found_at(32e-3), reason=reason, chances=even)
-    (said,) = with_sizes(recording, presses_of(recording, 0.005), [one])
+    (said,) = with_sizes(recording, [presses_of(recording, 0.005)], [one])
     assert said.kind == kind
     if kind == "tumour":
         assert 0.85 < said.confidence < 1 and sum(said.chances.values()) == pytest.approx(1)
