@@ -3,7 +3,7 @@
     python benchmarks/other_phantoms.py PULSES.csv.gz [SCANS]
 
 Rows over whole blocks, ends included: every station of a block of random width is solved where it
-is (`sim_backend.models.quick`), in plane strain, most under a flat finger, with the object
+is (`sim_backend.models.station_response`), in plane strain, most under a flat finger, the object
 anywhere in the row; 11 to 17 stations 3 to 5 mm apart; ranges of moduli, sizes and pressures of
 their own. Waves are stretches of radial recordings. Surfaces are wavy in half of the scans (0.05 mm
 rms over 15 mm: the depth that the stage does not know of). Goes on where
@@ -24,7 +24,7 @@ from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.models.place import place
+from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -85,7 +85,7 @@ def solved(scene: Scene, x_mm: Array, depth_m: float, file: Path) -> Array:
             beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
             beat_pa = [PA_PER_MMHG * p for p in beat]
             felt = np.array([
-                place(scene, 1e-3 * x).solve(depth_m, beat_pa, model="quick").force_n for x in x_mm
+                respond(scene, x, depth_m).force_n(x, depth_m, beat_pa) for x in 1e-3 * x_mm
             ])  # fmt: skip
             np.save(file, np.array([felt[:, 0], felt[:, 1] - felt[:, 0]]))
         except CannotSolve:

@@ -1,7 +1,6 @@
 """Every figure, the quick ones first."""
 
 from figures.calibrating import calibration, wrong_rig
-from figures.fast_model import fast_model
 from figures.fleet import fleet
 from figures.installing import install
 from figures.keep import Figure
@@ -14,7 +13,6 @@ FIGURES = {
         Figure("demo", 0.5, demo),
         Figure("install", 1.5, install),
         Figure("lone-vessel", 0.5, lone_vessel),
-        Figure("fast-model", 2, fast_model),
         Figure("wrong-rig", 2, wrong_rig),
         Figure("calibration", 7, calibration),
         Figure("paper", 6, paper),

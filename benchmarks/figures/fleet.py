@@ -1,8 +1,8 @@
-"""Random scans by the quick model, and some of their rows by the full one.
+"""Random scans by stations, and some of their rows by the full one.
 
 Scans like the paper's TIHA, 15 stations each, with the artery's depth, place, diameter, wall and
 modulus, the tissue's modulus and both pressures drawn by Latin hypercube, go through the sweep
-with the quick model on two workers. Random rows are solved again by the full model (finite strain,
+by stations on two workers. Random rows are solved again by the full model (finite strain,
 elements of half the usual size); the difference stands beside the error that the row states.
 Writes docs/pictures/fleet.csv and draws docs/pictures/fleet.png.
 """
@@ -20,7 +20,7 @@ from probe.report.look import BLUE, VERMILLION
 from probe.studies.sweep import solve_points
 from probe.studies.vary import Point, applied, parse, places, points
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.models.press import press
+from sim_backend.models.station_response import respond
 from sim_backend.models.stations import element_size_m
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -71,15 +71,13 @@ def checked(scene: Scene, some: list[Point], table: pd.DataFrame, count: int) ->
 
 
 def timed(scene: Scene, some: list[Point]) -> list[float]:
-    """Seconds of a processor that each scan takes, after the block that all share is known."""
+    """Seconds of a processor that each scan takes, after a first one."""
     seconds = []
     for point in some:
         one = applied(scene, point)
         began_s = time.process_time()
-        ends = one.pulse.diastolic_mmhg, one.pulse.systolic_mmhg
-        beat = (ends[0], sum(ends) / 2, ends[1])
         for x_mm in STATIONS_MM:
-            press(one, x_mm, INDENTATION_MM, beat, model="quick", solving=lambda _: None)
+            respond(one, 1e-3 * x_mm, 1e-3 * INDENTATION_MM)
         seconds.append(time.process_time() - began_s)
     return seconds[1:]
 
@@ -105,7 +103,7 @@ def draw(off: pd.DataFrame, seconds: list[float]) -> Figure:
 
 
 def fleet() -> dict[str, Any]:
-    """Random scans by the quick model; some rows solved again by the full one."""
+    """Random scans by stations; some rows solved again by the full one."""
     scene = load_scene("TIHA")
     some = drawn(scene, SCANS)
     with tempfile.TemporaryDirectory() as name:

@@ -26,8 +26,8 @@ def press(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="small or finite (strain, of a plane scene), quick (finite, on the one mesh that "
-            "scans have), axisymmetric or solid (of a solid scene), auto; chosen if not given.",
+            help="small or finite (strain, of a plane scene), axisymmetric or solid (of a solid "
+            "scene), auto; chosen if not given.",
         ),
     ] = None,
     deck: Annotated[

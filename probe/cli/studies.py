@@ -39,10 +39,10 @@ def sweep(
     depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
     accuracy: Accuracy = 1.0,
     model: Annotated[
-        Literal["auto", "finite", "small", "quick", "fast"],
+        Literal["auto", "finite", "small", "quick"],
         typer.Option(
-            help="Model; quick: finite strain for whole scans of many scenes; fast: one "
-            "scene, trained once, then any number of places, depths and pressures."
+            help="Model; quick: as a scan feels it, each place solved once for all depths and "
+            "pressures."
         ),
     ] = "auto",
     out: Table = Path("sweep.parquet"),
@@ -103,8 +103,8 @@ def what_is_finer(model: str) -> str:
     """What to do about rows that are too rough."""
     if model == "auto":
         return "no finer mesh would help: take the errors stated, or ask for less accuracy"
-    if model in ("quick", "fast"):
-        return f"--accuracy does not steer --model {model}: leave --model out for rows within it"
+    if model == "quick":
+        return "--accuracy does not steer --model quick: leave --model out for rows within it"
     return "leave --model out: then the cheapest model that is accurate enough is taken"
 
 

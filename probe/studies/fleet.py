@@ -53,7 +53,7 @@ def fleet(
     workers: int | None = None, scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> pd.DataFrame:  # fmt: skip
-    """Scan ``count`` phantoms of each kind by the quick model and write the table ``out``.
+    """Scan ``count`` phantoms of each kind, a station per place, and write the table ``out``.
 
     Columns are those of a sweep after ``kind``, and ``half_pulse_n`` for `force_n`. Each kind is a
     sweep of its own beside ``out``; an interrupted fleet goes on where it stopped.
@@ -81,8 +81,8 @@ def fleet(
 
 
 def force_n(rows: pd.DataFrame, share: Array) -> Array:
-    """Force (n, t) [N] of ``rows`` (n) of the quick model while the pressure is at ``share`` (t,)
-    of the way from diastole to systole: the parabola through both and their mean."""
+    """Force (n, t) [N] of a fleet's ``rows`` (n) while the pressure is at ``share`` (t,) of the way
+    from diastole to systole: the parabola through both and their mean."""
     low, pulse, half = (rows[name].to_numpy(float)[:, None]
                         for name in ("force_n", "pulse_n", "half_pulse_n"))  # fmt: skip
     s = np.asarray(share, dtype=float)

@@ -1,7 +1,7 @@
 """Solve the points of a sweep: presses that differ in pressure only share one solution."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -10,16 +10,18 @@ import numpy as np
 from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
-from sim_backend.models.fast import FastModel, fast_model
-from sim_backend.models.press import CannotSolve, Press, press
+from sim_backend.models.press import CannotSolve, Press, press, scene_pressures_mmhg
 from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
-from sim_backend.models.response import OutOfRange
+from sim_backend.models.response import StationResponse
+from sim_backend.models.station_response import respond
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
 
 Row = dict[str, Any]
+Presses = dict[tuple[float, float], dict[int, Scene]]
+"""By place and depth [mm], the scenes that are pressed there, by their points' numbers."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ def jobs(
     scene: Scene, points: Iterable[tuple[int, Point]], x_mm: tuple[float, ...],
     indentation_mm: float, model: str, accuracy_pct: float,
 ) -> list[Job]:  # fmt: skip
-    """Points grouped by what they do not share: all but the pulse, for the fast model all but pulse
-    and press (trained once per scene)."""
-    free = ("pulse.", "x_mm", "indentation_mm") if model == "fast" else ("pulse.",)
+    """Points grouped by what they do not share: all but the pulse, for stations all but pulse and
+    press."""
+    free = ("pulse.", "x_mm", "indentation_mm") if model == "quick" else ("pulse.",)
     groups: dict[str, list[tuple[int, Point]]] = {}
     for number, point in points:
         shared = {k: v for k, v in point.items() if not k.startswith(free)}
@@ -54,136 +56,112 @@ def jobs(
 
 def solve(job: Job) -> dict[int, list[Row]]:
     """By point, a row for every place; what cannot be solved has its ``reason``, and no values."""
-    scenes: dict[int, Scene] = {}
-    found: dict[int, list[Row]] = {}
+    presses: dict[tuple[float, float], dict[int, Scene]] = {}
+    rows: dict[int, list[Row]] = {}
     for number, point in job.points:
         try:
-            scenes[number] = applied(job.scene, point)
+            scene = applied(job.scene, point)
         except (SceneError, ValidationError) as error:
-            found[number] = [{"reason": first_line(error)}]
-    if scenes:
-        found |= (_by_table if job.model == "fast" else _by_presses)(job, scenes)
-    return {n: [{"point": n, **point, **row} for row in found[n]] for n, point in job.points}
+            rows[number] = [{"reason": first_line(error)}]
+            continue
+        over = (float(point["x_mm"]),) if "x_mm" in point else job.x_mm or (_x_mm(scene),)
+        depth_mm = float(point.get("indentation_mm", job.indentation_mm))
+        for x_mm in over:
+            presses.setdefault((x_mm, depth_mm), {})[number] = scene
+    for number, row in (_stations if job.model == "quick" else _pressed)(job, presses):
+        rows.setdefault(number, []).append(row)
+    return {n: [{"point": n, **point, **row} for row in rows[n]] for n, point in job.points}
 
 
-def _where(job: Job, point: Point, scene: Scene) -> tuple[tuple[float, ...], float]:
-    """Places and indentation [mm]: the point's own, else the sweep's."""
-    over = (float(point["x_mm"]),) if "x_mm" in point else job.x_mm or (_x_mm(scene),)
-    return over, float(point.get("indentation_mm", job.indentation_mm))
+def _pressed(job: Job, presses: Presses) -> Iterator[tuple[int, Row]]:
+    """One press at the pressures of all scenes."""
+    for (x_mm, depth_mm), scenes in presses.items():
+        levels = sorted({p for scene in scenes.values() for p in scene_pressures_mmhg(scene)})
+        try:
+            pressed = press(next(iter(scenes.values())), x_mm, depth_mm, levels,
+                            solving=lambda _what: None, model=job.model,
+                            accuracy_pct=job.accuracy_pct)  # fmt: skip
+        except (CannotSolve, SceneError) as error:
+            yield from _failed(scenes, x_mm, depth_mm, error)
+            continue
+        for number, scene in scenes.items():
+            yield number, _answer(pressed, scene, levels)
 
 
-def _by_presses(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
-    number, first = next(iter(scenes.items()))
-    over, depth_mm = _where(job, dict(job.points)[number], first)
-    pressed = [_pressed(job, scenes, x_mm, depth_mm) for x_mm in over]
-    return {n: [rows[n] for rows in pressed] for n in scenes}
+def _stations(job: Job, presses: Presses) -> Iterator[tuple[int, Row]]:
+    """A station at each place, solved for the widest pulse and the deepest press there; by presses
+    where that has no equilibrium."""
+    places: dict[float, dict[float, dict[int, Scene]]] = {}
+    for (x_mm, depth_mm), scenes in presses.items():
+        places.setdefault(x_mm, {})[depth_mm] = scenes
+    for x_mm, depths in places.items():
+        for depth_mm, scenes in list(depths.items()):
+            try:
+                check_press(next(iter(scenes.values())), x_mm, depth_mm)
+            except SceneError as error:
+                yield from _failed(depths.pop(depth_mm), x_mm, depth_mm, error)
+        if not depths:
+            continue
+        began_s = perf_counter()
+        try:
+            station = respond(_widest(depths.values()), 1e-3 * x_mm, 1e-3 * max(depths))
+        except (CannotSolve, SceneError):  # the widest pulse says nothing of the others
+            one_by_one = {(x_mm, depth_mm): scenes for depth_mm, scenes in depths.items()}
+            yield from _pressed(replace(job, model="auto"), one_by_one)
+            continue
+        seconds = perf_counter() - began_s
+        for depth_mm, scenes in depths.items():
+            for number, scene in scenes.items():
+                yield number, _felt(station, scene, depth_mm) | {"seconds": seconds}
 
 
-def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
-    """All points by one fast model, trained for the widest pulse and the deepest press; by presses
-    what it does not know."""
-    points = dict(job.points)
-    where = {n: _where(job, points[n], scene) for n, scene in scenes.items()}
-    pulses = [scene.pulse for scene in scenes.values()]
+def _widest(groups: Iterable[dict[int, Scene]]) -> Scene:
+    """The scene with a pulse that holds those of all."""
+    scenes = [scene for group in groups for scene in group.values()]
+    pulses = [scene.pulse for scene in scenes]
     ends = {"diastolic_mmhg": min(one.diastolic_mmhg for one in pulses),
             "systolic_mmhg": max(one.systolic_mmhg for one in pulses)}  # fmt: skip
-    first = next(iter(scenes.values()))
-    widest = first.model_copy(update={"pulse": pulses[0].model_copy(update=ends)})
-    by_press = replace(job, model="auto")
-    try:
-        model = fast_model(widest, max(depth_mm for _, depth_mm in where.values()))
-    except (CannotSolve, SceneError):  # one press that cannot be says nothing of the others
-        model = None
-
-    rows: dict[tuple[int, float], Row] = {}
-    unknown: dict[tuple[float, float], dict[int, Scene]] = {}
-    for n, (over, depth_mm) in where.items():
-        for x_mm in over:
-            if model is not None and _knows(model, scenes[n], x_mm, depth_mm):
-                rows[n, x_mm] = _fast(model, scenes[n], x_mm, depth_mm)
-            else:
-                unknown.setdefault((x_mm, depth_mm), {})[n] = scenes[n]
-    for (x_mm, depth_mm), some in unknown.items():  # one press for all of its pressures
-        pressed = _pressed(by_press, some, x_mm, depth_mm)
-        rows |= {(n, x_mm): pressed[n] for n in some}
-    return {n: [rows[n, x_mm] for x_mm in over] for n, (over, _) in where.items()}
+    return scenes[0].model_copy(update={"pulse": pulses[0].model_copy(update=ends)})
 
 
-def _knows(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> bool:
-    """Whether a press lies in the model's table."""
-    try:
-        levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
-        model.range.check(1e-3 * x_mm, 1e-3 * depth_mm, levels_pa)
-    except OutOfRange:
-        return False
-    return True
+def _failed(
+    scenes: Iterable[int], x_mm: float, depth_mm: float, error: Exception
+) -> Iterator[tuple[int, Row]]:
+    for number in scenes:
+        yield number, {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
 
 
-def _pressed(
-    job: Job, scenes: dict[int, Scene], x_mm: float, depth_mm: float
-) -> dict[int, Row]:  # fmt: skip
-    """One press at the pressures of all scenes, of the quick model also half-way."""
-    half = [_half(scene) for scene in scenes.values() if job.model == "quick"]
-    levels = sorted({*half, *(p for scene in scenes.values() for p in _pressures(scene))})
-    first = next(iter(scenes.values()))
-    try:
-        pressed = press(first, x_mm, depth_mm, levels, solving=lambda _what: None, model=job.model,
-                        accuracy_pct=job.accuracy_pct)  # fmt: skip
-    except (CannotSolve, SceneError) as error:
-        failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
-        return dict.fromkeys(scenes, failed)
-    return {n: _answer(pressed, scene, levels) for n, scene in scenes.items()}
-
-
-def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
-    """A row of the fast model, with its stated errors."""
-    began_s = perf_counter()
-    place = {"x_mm": x_mm, "indentation_mm": depth_mm}
-    levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
-    at = 1e-3 * x_mm, 1e-3 * depth_mm
-    low_pa, high_pa = levels_pa[0], levels_pa[-1]
-    try:
-        check_press(scene, x_mm, depth_mm)
-        low_n, half_n, high_n = model.force_n(*at, [low_pa, (low_pa + high_pa) / 2, high_pa])
-        off_n = float(model.error_n(*at, low_pa))
-        pulse_off_n = float(model.pulse_error_n(*at, low_pa, high_pa))
-        stress_pa = model.von_mises_pa(*at, levels_pa)
-    except (CannotSolve, SceneError, OutOfRange) as error:
-        return place | {"reason": first_line(error)}
-    force_n, pulse_n, face_m2 = float(low_n), float(high_n - low_n), 1e-6 * scene.face_mm2
+def _felt(station: StationResponse, scene: Scene, depth_mm: float) -> Row:
+    """A row of a station, with its stated errors."""
+    at = station.x_m, 1e-3 * depth_mm
+    mmhg = scene_pressures_mmhg(scene)
+    low_pa, half_pa, high_pa = np.array([mmhg[0], sum(mmhg) / len(mmhg), mmhg[-1]]) * PA_PER_MMHG
+    force_n, half_n, high_n = station.force_n(*at, [low_pa, half_pa, high_pa]).tolist()
+    low_vm_pa, high_vm_pa = station.von_mises_pa(*at, [low_pa, high_pa]).tolist()
+    off_n = float(station.error_n(*at, low_pa))
+    pulse_n, pulse_off_n = high_n - force_n, float(station.pulse_error_n(*at, low_pa, high_pa))
     share = max(off_n / force_n, pulse_off_n / max(abs(pulse_n), SMALL_PULSE * force_n))
-    return place | {
-        "force_n": force_n, "pulse_n": pulse_n, "half_pulse_n": float(half_n - low_n),
+    face_m2 = 1e-6 * scene.face_mm2
+    return {
+        "x_mm": 1e3 * station.x_m, "indentation_mm": depth_mm,
+        "force_n": force_n, "pulse_n": pulse_n, "half_pulse_n": half_n - force_n,
+        "force_error_n": off_n, "pulse_error_n": pulse_off_n,
         "baseline_pa": force_n / face_m2, "pulse_pa": pulse_n / face_m2,
-        "force_error_n": off_n, "pulse_error_n": pulse_off_n, "model": "fast",
-        "von_mises_pa": float(stress_pa[0]),
-        "von_mises_pulse_pa": float(stress_pa[-1] - stress_pa[0]),
-        "error_estimate_pct": 100 * share, "seconds": perf_counter() - began_s, "reason": "",
+        "von_mises_pa": low_vm_pa, "von_mises_pulse_pa": high_vm_pa - low_vm_pa,
+        "model": "quick", "error_estimate_pct": 100 * share, "reason": "",
     }  # fmt: skip
 
 
-def _pressures(scene: Scene) -> tuple[float, ...]:
-    if not scene.arteries:
-        return (0.0,)
-    return (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg)
-
-
-def _half(scene: Scene) -> float:
-    return sum(_pressures(scene)) / len(_pressures(scene))
-
-
 def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
-    low, high = (pressed.states[levels.index(p)] for p in
-                 (_pressures(scene)[0], _pressures(scene)[-1]))  # fmt: skip
+    mmhg = scene_pressures_mmhg(scene)
+    low, high = (pressed.states[levels.index(p)] for p in (mmhg[0], mmhg[-1]))
     face_m2 = 1e-6 * scene.face_mm2
     force_n, pulse_n = low.force_n, high.force_n - low.force_n
-    half = [one.force_n - force_n for one in pressed.states if one.pressure_mmhg == _half(scene)]
     return {
         "x_mm": pressed.x_mm,
         "indentation_mm": pressed.depth_mm,
         "force_n": force_n,
         "pulse_n": pulse_n,
-        **({"half_pulse_n": half[0]} if half else {}),
         "force_error_n": 0.01 * pressed.force_error_estimate_pct * force_n,
         "pulse_error_n": pressed.pulse_error_n or 0.0,
         "baseline_pa": force_n / face_m2,

@@ -208,9 +208,8 @@ def press(
         The pressures in the lumen, one state each, in order. By default the scene's
         diastolic and systolic ones if it has a vessel, otherwise 0.
     model
-        ``finite`` or ``small`` strain in a plane, or ``quick``, finite strain on the one mesh of
-        a scan's stations; ``axisymmetric`` or ``solid`` in space; ``auto`` takes the cheapest
-        model and mesh that keep ``accuracy_pct``.
+        ``finite`` or ``small`` strain in a plane; ``axisymmetric`` or ``solid`` in space; ``auto``
+        takes the cheapest model and mesh that keep ``accuracy_pct``.
     accuracy_pct
         How far force and pulse may be off [%]. Meshes are refined until this is reached;
         where it cannot be, the stated error is larger.

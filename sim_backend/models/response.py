@@ -142,9 +142,8 @@ class StationResponse:
         rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
         rest = self.force_n(x_m, depth_m, rest_pa)
         deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
-        off = self.left.rest * rest
-        off += self.left.change * self._steepest(x_m, depth_m, rest_pa, pressure_pa)
-        off += self.left.between * deepest
+        change = self._steepest(x_m, depth_m, rest_pa, pressure_pa)
+        off = self.left.rest * rest + self.left.change * change + self.left.between * deepest
         return np.asarray(np.where(force > 0, off, 0.0))
 
     def pulse_error_n(
@@ -196,12 +195,12 @@ class Curve:
     def __call__(self, sunk: Array, pressure_pa: Array) -> Array:
         over = pressure_pa - self.rest_pa
         adds = (one(sunk) * over**k for k, one in enumerate(self.powers, 1))
-        return np.asarray(self.rest(sunk) + sum(adds))
+        return np.asarray(sum(adds, self.rest(sunk) + 0.0 * over))
 
     def by_pressure(self, sunk: Array, pressure_pa: Array) -> Array:
         over = pressure_pa - self.rest_pa
         each = (k * one(sunk) * over ** (k - 1) for k, one in enumerate(self.powers, 1))
-        return np.asarray(sum(each, np.zeros(np.broadcast_shapes(sunk.shape, over.shape))))
+        return np.asarray(sum(each, 0.0 * sunk * over))
 
 
 def levels_pa(scene: Scene) -> tuple[float, float, float]:

@@ -15,7 +15,6 @@ from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.body import Body
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.models.kinds import REVOLVED, SECTION, SOLID, BodyKind
-from sim_backend.models.quick import solve_quick
 from sim_backend.models.refine import Solving, refine
 from sim_backend.models.round_press import holds_a_round_block, refine_axisymmetric
 from sim_backend.models.section_meshes import SectionMeshes
@@ -162,10 +161,6 @@ def _refined_section(model: str, asked: Asked, left_pct: Array) -> Answer:
     return *refined.solved, refined.error_pct
 
 
-def _on_the_mesh_of_scans(asked: Asked, _left_pct: Array) -> Answer:
-    return solve_quick(asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
-
-
 def _is_round(asked: Asked) -> bool:
     place = asked.scene, asked.x_m
     return is_round(*place) and holds_a_round_block(*place, asked.depth_m)
@@ -196,7 +191,6 @@ SECTIONS, SOLIDS = ("stress", "strain"), ("solid",)
 MODELS = (
     Model("small", SECTIONS, SECTION, 0.2, 0.2, False, partial(_refined_section, "small"),
           own_pct=_small_pct),
-    Model("quick", SECTIONS, SECTION, 0.3, 0.7, True, _on_the_mesh_of_scans),
     Model("finite", SECTIONS, SECTION, 1.0, 0.2, True, partial(_refined_section, "finite"),
           "the cheapest model for this scene"),
     Model("axisymmetric", SOLIDS, REVOLVED, 0.3, 1.0, False, _refined_round,
@@ -206,4 +200,4 @@ MODELS = (
 )  # fmt: skip
 """Cheapest first of each plane; the last of each is offered for every scene. What has no ``why`` is
 solved on request only: small strain on presses so shallow that it is within 1 % takes as long as
-finite strain, and the mesh of scans is not refined."""
+finite strain."""

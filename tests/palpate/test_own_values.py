@@ -39,7 +39,7 @@ def test_pressures_are_numbers_of_any_kind_and_no_text() -> None:
         of("80")
 
 
-@pytest.mark.parametrize("model", ["small", "finite", "quick"])
+@pytest.mark.parametrize("model", ["small", "finite"])
 def test_a_press_goes_to_another_process(model: str) -> None:
     pressed = palpate.press("TI", 32, 0.5, model=model, accuracy_pct=20)
     again = pickle.loads(pickle.dumps(pressed))

@@ -10,7 +10,7 @@ from known_presses import recording, row, station, wave
 
 from probe.core.recording import Recording, Station
 from probe.detection import compare
-from sim_backend.models.place import place
+from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -33,7 +33,7 @@ def scanned(seed: int, of: Scene, depth_m: float = DEPTH_M) -> Recording:
     """A row over a solved block, with 0.3 % of scatter from press to press."""
     rng = np.random.default_rng(seed)
     beat_pa = [PA_PER_MMHG * p for p in (of.pulse.diastolic_mmhg, of.pulse.systolic_mmhg)]
-    felt = [place(of, x).solve(depth_m, beat_pa, model="quick").force_n for x in X_M]
+    felt = [respond(of, x, depth_m).force_n(x, depth_m, beat_pa) for x in X_M]
     t = np.arange(500) / 100.0
     stations = []
     for k, (level_n, crest_n) in enumerate(felt):

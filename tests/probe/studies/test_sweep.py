@@ -14,9 +14,10 @@ from probe.studies.fleet import fleet
 from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep, write
 from probe.studies.vary import parse, points
-from sim_backend.models import fast
-from sim_backend.models.press import CannotSolve, press
-from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.models.press import CannotSolve, press, scene_pressures_mmhg
+from sim_backend.models.response import StationResponse
+from sim_backend.models.station_response import respond
+from sim_backend.scene.scene_file import Scene
 
 
 def test_pressures_share_one_solution() -> None:
@@ -36,22 +37,29 @@ def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert table["force_n"].iloc[0] > 0
 
 
-def test_the_fast_model_is_solved_once_for_all_presses(monkeypatch: pytest.MonkeyPatch) -> None:
-    trained = []
-    train = fast.fast_model
-    monkeypatch.setattr(
-        "probe.studies.solve.fast_model", lambda *a: (trained.append(a), train(*a))[1]
-    )
+def asked_stations(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float, float, float]]:
+    """The ends of the pulse [mmHg], place and greatest depth [mm] of stations that are solved."""
+    asked: list[tuple[float, float, float, float]] = []
+
+    def solved(scene: Scene, x_m: float, depth_m: float) -> StationResponse:
+        asked.append((*scene_pressures_mmhg(scene), round(1e3 * x_m, 9), round(1e3 * depth_m, 9)))
+        return respond(scene, x_m, depth_m)
+
+    monkeypatch.setattr("probe.studies.solve.respond", solved)
+    return asked
+
+
+def test_a_station_is_solved_once_for_all_presses_at_its_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = asked_stations(monkeypatch)
     texts = ("indentation_mm=0.5,0.9,0.01,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
     wanted = points([parse(text, BLOCK) for text in texts], "full", 0, 0)
-    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "quick", 1.0)
     table = pd.DataFrame([row for rows in solve(job).values() for row in rows])
-    assert len(trained) == 1
+    assert asked == [(80.0, 120.0, 12.0, 0.9), (80.0, 120.0, 13.5, 0.9)]
     solved = table[table["reason"] == ""]
     assert len(solved) == 3 * 2 * 2
-    # a press less deep than the table knows is one of the full model
-    shallow = solved["indentation_mm"] == 0.01
-    assert set(solved[shallow]["model"]).isdisjoint(solved[~shallow]["model"])
     assert set(table[table["reason"] != ""]["reason"].str.split(" =").str[0]) == {
         "depth_mm",
         "x_mm",
@@ -64,41 +72,24 @@ def test_the_fast_model_is_solved_once_for_all_presses(monkeypatch: pytest.Monke
     assert one["pulse_n"] == pytest.approx(high - low, rel=0.05)
 
 
-def test_one_state_without_an_equilibrium_costs_the_fast_model_no_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_one_state_without_an_equilibrium_costs_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise CannotSolve("limit pressure", "found no equilibrium above 106 mmHg")
 
-    monkeypatch.setattr("probe.studies.solve.fast_model", refuse)
+    monkeypatch.setattr("probe.studies.solve.respond", refuse)
     wanted = points([parse("indentation_mm=0.5,0.9", BLOCK)], "full", 0, 0)
-    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
-    assert [row["reason"] for rows in solve(job).values() for row in rows] == ["", ""]
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "quick", 20.0)
+    rows = [row for rows in solve(job).values() for row in rows]
+    assert [(row["reason"], row["model"]) for row in rows] == [("", "finite")] * 2
 
 
-def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    asked = []
-
-    def trained(scene: Scene, max_depth_mm: float) -> None:
-        asked.append((scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg, max_depth_mm))
-        raise SceneError("enough")
-
-    monkeypatch.setattr("probe.studies.solve.fast_model", trained)
+def test_a_station_is_solved_for_the_pulses_of_all_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = asked_stations(monkeypatch)
     texts = ("diastolic_mmhg=70,60,80", "systolic_mmhg=130,140,110", "indentation_mm=1,2,1.5")
     wanted = points([parse(text, BLOCK) for text in texts], "zip", 0, 0)
-    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "quick", 1.0)
     assert [row["reason"] for rows in solve(job).values() for row in rows] == [""] * 3
-    assert asked == [(60.0, 140.0, 2.0)]
-
-
-def test_a_press_that_cannot_be_costs_the_fast_model_no_other() -> None:
-    wanted = points([parse("indentation_mm=0.02,99", BLOCK)], "full", 0, 0)
-    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
-    reasons = [row["reason"] for rows in solve(job).values() for row in rows]
-    assert reasons[0] == ""
-    assert "99" in reasons[1]
+    assert asked == [(60.0, 140.0, 12.0, 2.0)]
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])

@@ -3,21 +3,44 @@ only in part."""
 
 import numpy as np
 import pytest
+from changed_scene import changed
 from flat_lumens import drawn
 from soft_walls import soft_walled
 
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.newton import CannotSolve, Load, unloaded
 from sim_backend.models.place import place
-from sim_backend.models.press import press
+from sim_backend.models.press import press, scene_pressures_mmhg
 from sim_backend.models.response import levels_pa
 from sim_backend.models.station_response import respond
 from sim_backend.models.stations import section_for
-from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.5e-3
+FLAT = {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 1.0}
+STICKS = {"shape": "cylinder", "radius_mm": 5.0, "bonded": True}
+
+
+@pytest.mark.parametrize("scene", [
+    *map(load_scene, ("TI", "TIT", "TISA", "HAOT")), changed("TIHA", plane="strain"),
+    changed("TIHA", indenter=FLAT), changed("TIHA", indenter=STICKS),
+], ids=["TI", "TIT", "TISA", "lone", "strain", "flat", "bonded"])  # fmt: skip
+def test_a_station_is_as_near_to_presses_as_it_states(scene: Scene) -> None:
+    x_mm, depth_mm = (32.0, 1.0) if scene.tissue is None else (24.0, 2.5)
+    mmhg = scene_pressures_mmhg(scene)
+    truth = press(scene, x_mm, depth_mm, mmhg, model="finite", accuracy_pct=0.5)
+    at, ends_pa = (1e-3 * x_mm, 1e-3 * depth_mm), PA_PER_MMHG * np.array(mmhg)
+    found = respond(scene, *at)
+    true_n = np.array([state.force_n for state in truth.states])
+    allowed_n = found.error_n(*at, ends_pa) + 0.01 * truth.force_error_estimate_pct * true_n
+    assert (np.abs(found.force_n(*at, ends_pa) - true_n) <= allowed_n).all()
+    assert (allowed_n <= (0.03 if scene.tissue else 0.08) * true_n).all()
+    if scene.arteries:
+        off_n = abs(np.ptp(found.force_n(*at, ends_pa)) - truth.pulse_n)
+        stated_n = float(found.pulse_error_n(*at, *ends_pa)) + truth.pulse_error_n
+        assert off_n <= stated_n <= 0.1 * truth.pulse_n
 
 
 def test_a_vessel_pressed_flat_states_more_of_its_pulse() -> None:
