@@ -37,8 +37,8 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
 from sim_backend.fem.small_strain import candidates_near, condense, solve_contact
+from sim_backend.models.bodies import element_size_m
 from sim_backend.models.station_response import respond
-from sim_backend.models.stations import element_size_m
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 

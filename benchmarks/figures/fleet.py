@@ -20,8 +20,8 @@ from probe.report.look import BLUE, VERMILLION
 from probe.studies.sweep import solve_points
 from probe.studies.vary import Point, applied, parse, places, points
 from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.models.bodies import element_size_m
 from sim_backend.models.station_response import respond
-from sim_backend.models.stations import element_size_m
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

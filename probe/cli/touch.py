@@ -39,7 +39,8 @@ def touch(
             answer(f"{said['words']}\n    {file}")
         return
     block = load_scene(scene)
-    if block.tissue is None or block.plane == "solid":
+    block.need_section("touch tables know")
+    if block.tissue is None:
         raise SceneError(f"{scene}: tables are of blocks of tissue in plane stress or strain")
     kept: Path | None = None
     table = table_for(block)

@@ -19,8 +19,8 @@ from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
 from probe.studies.vary import applied
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.fem.stress import under_finger_pa
+from sim_backend.models.bodies import element_size_m
 from sim_backend.models.press import CannotSolve, press
-from sim_backend.models.stations import element_size_m
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

@@ -8,9 +8,9 @@ import numpy as np
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import down, filled
 from sim_backend.fem.newton import Load
+from sim_backend.models.bodies import body_of
 from sim_backend.models.refine import Solving
 from sim_backend.models.solved import Solved
-from sim_backend.models.stations import WAYS
 from sim_backend.models.table import Asked, choose
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
@@ -57,8 +57,8 @@ class Place(NamedTuple):
         the mesh of the place's station and by the model of its presses at all depths; errors are
         not known (NaN). Raises `CannotSolve`."""
         deepest_m = float(depths_m[-1])
-        way = WAYS[self.scene.plane]
-        body = way.body_for(self.scene, self.x_m, deepest_m)
+        kind = body_of(self.scene)
+        body = kind.body_for(self.scene, self.x_m, deepest_m)
         levels = [float(p) for p in pressures_pa] if body.lumens else [0.0]
         start, _ = filled(body, levels[0], deepest_m)
         ramp = down(body, start, [Load(float(d), levels[0]) for d in depths_m])
@@ -67,7 +67,7 @@ class Place(NamedTuple):
             more = continuation(body, state, [Load(state.load.depth_m, p) for p in levels[1:]])
             states = (state, *more) if body.lumens else (state,) * len(pressures_pa)
             solved.append(Solved(
-                self.scene, self.x_m, way.model, way.kind, body, states, np.full(2, np.nan),
+                self.scene, self.x_m, kind.model, kind, body, states, np.full(2, np.nan),
                 "on one mesh for all depths",
             ))  # fmt: skip
         return solved

@@ -70,7 +70,6 @@ def reach_mm(scene: Scene) -> tuple[float, float]:
 def along_mm(scene: Scene) -> tuple[float, float]:
     """From where to where along z a scene can be pressed: a solid up to its ends."""
     tissue = scene.tissue
-    if tissue is None or tissue.length_mm is None:
-        return -inf, inf
-    middle_mm, half_mm = tissue.z_mm or 0.0, tissue.length_mm / 2
+    half_mm = ((tissue and tissue.length_mm) or inf) / 2
+    middle_mm = (tissue and tissue.z_mm) or 0.0
     return middle_mm - half_mm, middle_mm + half_mm

@@ -11,7 +11,7 @@ from sim_backend.fem.body import Body
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.picture import Picture
 from sim_backend.fem.sensitivity import gradients
-from sim_backend.models.kinds import BodyKind
+from sim_backend.models.bodies import BodyKind
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.taxels import TaxelArray
 
@@ -68,11 +68,6 @@ class Solved:
         """The smallest det F (n,)."""
         smallest = self.body.smallest_volume_ratio
         return np.array([smallest(state.displacement)[0] for state in self.states])
-
-    @property
-    def stable(self) -> list[bool | None]:
-        """Whether each state would stay so if it were nudged; None where that is not decided."""
-        return [state.stable for state in self.states]
 
     @property
     def picture(self) -> Picture:

@@ -9,48 +9,30 @@ inflates without bound, both ends are solved at each depth. Time does not enter:
 beat are the phantom's.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from math import ceil, inf
-from typing import Any
+from math import ceil
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array
 from sim_backend.fem.body import Body
 from sim_backend.fem.continuation import continuation, judged, stable_branch
 from sim_backend.fem.finite_strain import down, filled
-from sim_backend.fem.model import build_section, usual_grading
 from sim_backend.fem.newton import CannotSolve, Load, Solution, Unstable
-from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import Slope, slopes
-from sim_backend.fem.solid.body import SolidBody
-from sim_backend.fem.solid.build import build_body, half_width_m
-from sim_backend.fem.solid.solve import STEP
+from sim_backend.models.bodies import BodyKind, body_of
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table
-from sim_backend.models.kinds import SECTION, SOLID, BodyKind
-from sim_backend.models.response import Curve, Left, Station, StationResponse, levels_pa
-from sim_backend.models.solid_meshes import SHARES
-from sim_backend.models.station_taxels import TAXELS, taxel_table
-from sim_backend.models.taxel_shares import TaxelShares
-from sim_backend.scene.scene_file import Scene
+from sim_backend.models.response import Curve, Station, StationResponse, levels_pa
+from sim_backend.models.taxel_shares import TaxelShares, at_depths
+from sim_backend.scene.taxels import TaxelArray
 
-DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
-"""Shares of the greatest depth at which a section is solved. Between them forces of TIHA and TIT
-are within 0.09 % of the greatest, nearly as with seven shares and no slopes (0.06 %)."""
-SOLID_DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
-"""Those of a solid. The first is 0.5 mm of the usual 2.5: a contact that is narrower than two
-elements is resolved too roughly."""
-TAXEL_DEPTHS = np.array([0.04, 0.1, 0.2, 0.38, 0.55, 0.7, 0.85, 1.0])
-"""Those at which a section's taxels are read. Between them taxels of 1.25 mm over TIHA are within
-1.2 % of the largest of the deepest press (four depths: 6 %, ten: 0.8 %)."""
 AT_SYSTOLE = (0, 2, 4)
-"""Numbers of those at which systole is solved too."""
+"""Numbers of a solid's depths at which systole is solved too."""
 BEND, MUCH = 0.05, 0.2
 """Share of a pulse from rest to systole by which it may bend before diastole is solved too, and
 from which both ends are solved at each depth, for half as much time again. A bend of 0.03 (TIHA)
@@ -59,58 +41,23 @@ c51866cd) pulses that bend less than `MUCH` are up to 5.4 % off at half the dept
 more would be up to 20 %, 2.5 times what is stated, and are up to 6 %, 0.5 times."""
 PROBE_PA, PROBE_M = 10.0, 1e-6
 """Steps of the stress's slopes by pressure and depth, along the exact displacement slopes."""
-RELATIVE_SIZE = 0.1
-"""Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
-GROWTH, COARSEST = 0.6, 0.24
-"""How fast elements grow away from contact and vessels, and the largest over the height: that saves
-a third of the time of `usual_grading`, for 0.15 % of the force at most."""
-LEFT = Left(rest=0.006, change=0.03, between=0.0015)
-"""The figures above, added. The change's grows with the square of how flat a lumen is pressed, as
-that of `sim_backend.models.section_meshes`."""
-SOLID_LEFT = Left(rest=0.05, change=0.05, between=0.01, faint=0.0015)
-"""TIHA under a ball: from this mesh to the next the force changes by 1.7 %, which leaves 3.8 % at
-the rate of `refine.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
-between depths 0.2 % of the deepest. 20 mm beside TIHA's vessel under the cylinder the pulse is
-0.9 mN of 8.3 off at 0.87 N, 0.11 % of the force."""
 ARRAYS = ("sunk", "values", "by_depth", "powers", "bulge", "flat")
-"""What `solve_station` answers."""
-
-
-@dataclass(frozen=True)
-class Way:
-    """How stations of a plane are solved, as a ``kind`` of body and named as presses' ``model``.
-
-    ``body_for`` is the mesh of a place for all depths down to one; ``depths`` are shares of the
-    greatest, solved in steps of ``longest_m``, and for an array at ``taxel_depths`` too. With
-    ``exact`` slopes by depth and pressure are the tangent's; else elements are too coarse for
-    those, and by depth they are powers'. ``ends`` are the states at each depth at other pressures
-    than at rest. ``left`` is what may be missed; answers that take long are ``kept`` on disk.
-    """
-
-    model: str
-    kind: BodyKind
-    body_for: Callable[[Scene, float, float], Any]
-    depths: Array
-    taxel_depths: Array
-    longest_m: Callable[[Scene], float]
-    exact: bool
-    ends: Callable[..., list[list[Solution]]]
-    left: Left
-    kept: bool
+TAXELS = ("taxel_sunk", "taxel_rest", "taxel_by_pressure")
+"""What `solve_station` answers, and with an array the fields of `TaxelShares`, too."""
 
 
 def solved(one: Station) -> StationResponse:
     """The answer of a station. Raises `CannotSolve` where physics ends, and `SceneError` where
     elements cannot be made."""
-    way = WAYS[one.scene.plane]
+    kind = body_of(one.scene)
     names = ARRAYS + (TAXELS if one.array is not None else ())
     tables = [
-        kept_table(path, names, partial(solve_station, part)) if way.kept else solve_station(part)
+        kept_table(path, names, partial(solve_station, part)) if kind.kept else solve_station(part)
         for part, path in one.parts
     ]
     table = {key: np.mean([part[key] for part in tables], axis=0) for key in names}
-    rest, low, high = levels_pa(one.scene)
     touched = np.append(0.0, table["sunk"])
+    levels = levels_pa(one.scene) if one.scene.arteries else (0.0, 0.0, 0.0)
 
     def curve(which: int) -> Curve:
         powers = (
@@ -119,12 +66,11 @@ def solved(one: Station) -> StationResponse:
             for at in [np.isfinite(power)]
         )
         at_rest = from_nothing(table["sunk"], table["values"][which], table["by_depth"][which])
-        beats = bool(one.scene.arteries)
-        return Curve(at_rest, tuple(powers), *((rest, low, high) if beats else (0.0, 0.0, 0.0)))
+        return Curve(at_rest, tuple(powers), *levels)
 
-    left = way.left._replace(change=way.left.change * float(table["flat"]) ** 2)
+    left = kind.left._replace(change=kind.left.change * float(table["flat"]) ** 2)
     return StationResponse(
-        one.x_m, one.max_depth_m, way.kind.length_m(one.scene), float(table["bulge"]), curve(0),
+        one.x_m, one.max_depth_m, kind.length_m(one.scene), float(table["bulge"]), curve(0),
         curve(1), left, TaxelShares(*(table[key] for key in TAXELS)) if one.array else None,
     )  # fmt: skip
 
@@ -135,41 +81,40 @@ def solve_station(one: Station) -> dict[str, Array]:
     what each of k ``powers`` (2, k, d) of the pressure over rest adds, NaN where it was not solved.
     ``flat``: how flat lumens are pressed. With an array `TAXELS`. Raises `CannotSolve`."""
     scene, x_m, deepest_m, array = one
-    way = WAYS[scene.plane]
-    body = way.body_for(scene, x_m, deepest_m)
+    kind = body_of(scene)
+    body = kind.body_for(scene, x_m, deepest_m)
     rest, low, high = levels_pa(scene) if body.lumens else (0.0, 0.0, 0.0)
     start, bulge = filled(body, rest, deepest_m)
-    # beside a lone vessel the first step is in the air
-    depths = [float(d) for d in deepest_m * way.depths if d + bulge > 0]
-    if not depths:
-        nothing = np.zeros((2, 1))
-        found = _arrays([deepest_m], nothing, nothing, np.zeros((2, 0, 1)), bulge, 1.0)
-        return found | (taxel_table(one, way.kind, body, bulge, [], [], []) if array else {})
-    ramp: list[Solution] = []
+
+    def touching(shares: Array) -> list[float]:
+        """Beside a lone vessel the first depths are in the air, or all."""
+        return [float(d) for d in deepest_m * shares if d + bulge > 0] or [deepest_m]
+
+    depths = touching(kind.depths)
+    stops = sorted({*depths, *(touching(kind.taxel_depths) if array else ())})
+    steps = [Load(d, rest) for d in _steps(stops, kind.longest_m(scene))]
     seen: list[Solution] = []
     tilts: list[tuple[Slope, Slope]] = []
-    stops = [float(d) for d in deepest_m * way.taxel_depths if array and d + bulge > 0]
-    stops = sorted({*depths, *stops})
-    steps = [Load(d, rest) for d in _steps(stops, way.longest_m(scene))]
     for state, load in zip(down(body, start, steps), steps, strict=True):
         seen.append(state)
-        if load.depth_m in depths:
-            ramp.append(state)
-            if way.exact:  # cheapest just after it
-                tilts.append(slopes(body, state))
-    ramp[-1] = seen[-1] = _stable(body, ramp[-1], way.left.rest, x_m)
-    ends = way.ends(body, ramp, tilts, low, high) if body.lumens else [[] for _ in ramp]
+        if kind.exact and load.depth_m in depths:  # cheapest just after it
+            tilts.append(slopes(body, state))
+    seen[-1] = _stable(body, seen[-1], kind.left.rest, x_m)
+    ramp = [state for state, load in zip(seen, steps, strict=True) if load.depth_m in depths]
+    ends: list[list[Solution]] = [[] for _ in ramp]
+    if body.lumens:
+        ends = (_bending_ends if kind.exact else _chosen_ends)(body, ramp, tilts, low, high)
     sunk = np.array(depths) + bulge
 
     def read(state: Solution) -> Array:
-        return np.array([state.force, way.kind.von_mises_pa(body, state.displacement)])
+        return np.array([state.force, kind.von_mises_pa(body, state.displacement)])
 
     def along(state: Solution, slope: Slope, step: float) -> Array:
         ahead = replace(state, displacement=state.displacement + step * slope.displacement)
         return np.array([slope.force, (read(ahead) - read(state))[1] / step])
 
     values = np.array([read(state) for state in ramp])
-    if way.exact:
+    if kind.exact:
         by_depth, by_pressure = (
             np.array([along(state, both[k], step) for state, both in zip(ramp, tilts, strict=True)])
             for k, step in enumerate((PROBE_M, PROBE_PA))
@@ -189,21 +134,47 @@ def solve_station(one: Station) -> dict[str, Array]:
     flat = 1.0
     if scene.tissue is not None:
         deepest = (ramp[-1], *ends[-1])
-        flat = max(way.kind.flatness(body.lumens, state.displacement) for state in deepest)
-    found = _arrays(sunk, values.T, by_depth.T, powers or np.zeros((2, 0, 1)), bulge, flat)
+        flat = max(kind.flatness(body.lumens, state.displacement) for state in deepest)
+    arrays = sunk, values.T, by_depth.T, powers or np.zeros((2, 0, len(sunk))), bulge, flat
+    table = {name: np.asarray(value) for name, value in zip(ARRAYS, arrays, strict=True)}
     if array is None:
-        return found
-    crests = [next((end for end in some if end.load.pressure_pa == high), None) for some in ends]
-    if way.exact and body.lumens:
+        return table
+    crests = [[end for end in some if end.load.pressure_pa == high] for some in ends]
+    if kind.exact and body.lumens:
         crests = [
-            crest or _at(body, state, slope, high)
+            crest or [_at(body, state, slope, high)]
             for crest, state, (_, slope) in zip(crests, ramp, tilts, strict=True)
         ]
-    return found | taxel_table(one, way.kind, body, bulge, seen, ramp, crests)
+    pairs = [(state, crest) for state, some in zip(ramp, crests, strict=True) for crest in some]
+    return table | _taxels(one, array, kind, body, bulge, seen, pairs)
 
 
-def _arrays(*of: ArrayLike) -> dict[str, Array]:
-    return {name: np.asarray(one, dtype=float) for name, one in zip(ARRAYS, of, strict=True)}
+def _taxels(
+    one: Station, array: TaxelArray, kind: BodyKind, body: Body, bulge: float,
+    seen: Sequence[Solution], beats: Sequence[tuple[Solution, Solution]],
+) -> dict[str, Array]:  # fmt: skip
+    """`TAXELS` of the states that are ``seen`` at rest, and of ``beats``, states at rest and at
+    systole."""
+    edges_m, finger_m = array.edges_m(one.scene.indenter), 1e-3 * one.scene.indenter.length_mm
+
+    def shares(state: Solution) -> Array:
+        whole_n = kind.length_m(one.scene) * state.force
+        return np.asarray(kind.taxels_n(body, state, *edges_m, finger_m) / whole_n)
+
+    def sunk(states: Sequence[Solution]) -> Array:
+        return np.array([state.load.depth_m for state in states]) + bulge
+
+    seen = [state for state in seen if state.force > 0]
+    if not seen:
+        nothing = np.zeros((1, array.rows, array.columns))
+        return dict(zip(TAXELS, (np.array([one.max_depth_m]), nothing, nothing), strict=True))
+    rest = np.array([shares(state) for state in seen])
+    by_pressure = np.zeros_like(rest)
+    if beats := [(state, crest) for state, crest in beats if state.force > 0]:
+        each = [(shares(crest) - shares(state)) / (crest.load.pressure_pa - state.load.pressure_pa)
+                for state, crest in beats]  # fmt: skip
+        by_pressure = at_depths(sunk([state for state, _ in beats]), np.array(each), sunk(seen))
+    return dict(zip(TAXELS, (sunk(seen), rest, by_pressure), strict=True))
 
 
 def _steps(depths: Sequence[float], longest_m: float) -> list[float]:
@@ -301,39 +272,3 @@ def _slopes_of_powers(x: Array, y: Array) -> Array:
     at them a parabola's through three (a ball's first is 3/2: Hertz; Johnson 1985, eq. 4.22)."""
     exponent = np.gradient(np.log(np.maximum(y, 1e-12)), np.log(x), edge_order=2)
     return np.asarray(np.maximum(exponent, 0.0) * y / x)
-
-
-def element_size_m(scene: Scene) -> float:
-    """Element size that keeps force within about 0.3 % and pulse within 2 % [m]."""
-    return RELATIVE_SIZE * scene.indenter.profile.scale
-
-
-def section_for(scene: Scene, x_m: float, max_depth_m: float) -> Section:
-    """The mesh that a section's stations, their pictures and touch tables are solved on."""
-    size_m = element_size_m(scene)
-    usual = usual_grading(size_m)
-    grading = usual._replace(growth=GROWTH, coarsest_m=COARSEST * 1e-3 * scene.surface_mm)
-    return build_section(scene, x_m, depth_m=max_depth_m, size_m=size_m, grading=grading)
-
-
-def solid_for(scene: Scene, x_m: float, max_depth_m: float) -> SolidBody:
-    """The mesh that a solid's stations and their pictures are solved on: the first of a press."""
-    size_m = SHARES[0] * half_width_m(scene)
-    return build_body(scene, x_m, depth_m=max_depth_m, size_m=size_m)
-
-
-def _solid_step_m(scene: Scene) -> float:
-    return STEP * half_width_m(scene)
-
-
-_OF_SECTIONS = Way(
-    "finite", SECTION, section_for, DEPTHS, TAXEL_DEPTHS, lambda _: inf, True, _bending_ends, LEFT,
-    kept=False,
-)  # fmt: skip
-WAYS = {
-    "stress": _OF_SECTIONS,
-    "strain": _OF_SECTIONS,
-    "solid": Way("solid", SOLID, solid_for, SOLID_DEPTHS, SOLID_DEPTHS, _solid_step_m, False,
-                 _chosen_ends, SOLID_LEFT, kept=True),
-}  # fmt: skip
-"""By the scene's plane."""

@@ -14,7 +14,7 @@ from sim_backend.arrays import Array
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.body import Body
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
-from sim_backend.models.kinds import REVOLVED, SECTION, SOLID, BodyKind
+from sim_backend.models.bodies import REVOLVED, SECTION, SOLID, BodyKind, body_of
 from sim_backend.models.refine import Solving, refine
 from sim_backend.models.round_press import holds_a_round_block, refine_axisymmetric
 from sim_backend.models.section_meshes import SectionMeshes
@@ -56,9 +56,9 @@ Answer = tuple[Body, Sequence[Solution], Array]
 
 @dataclass(frozen=True)
 class Model:
-    """An entry: a ``name``, the ``planes`` of scenes that it solves as a ``kind`` of body, and its
-    ``cost``, the time of a usual press over that of a section at finite strain; ``usual_pct`` is
-    the error of the force that usual presses reach. ``gradient``: derivatives of its forces are
+    """An entry: a ``name``, the kind ``of`` the scenes that it solves as a ``kind`` of body, and
+    its ``cost``, the time of a usual press over that of a section at finite strain; ``usual_pct``
+    is the error of the force that usual presses reach. ``gradient``: derivatives of its forces are
     known.
 
     ``solve`` is given the errors that meshes may leave. ``why`` says to a person why it is chosen
@@ -67,7 +67,7 @@ class Model:
     """
 
     name: str
-    planes: tuple[str, ...]
+    of: BodyKind
     kind: BodyKind
     cost: float
     usual_pct: float
@@ -114,13 +114,17 @@ def steady(asked: Asked, name: str = "auto") -> Model:
 
 def names(scene: Scene) -> list[str]:
     """Of the models that there are for a scene, the dearest last."""
-    return [model.name for model in MODELS if scene.plane in model.planes]
+    return [model.name for model in _offered(scene)]
+
+
+def _offered(scene: Scene) -> list["Model"]:
+    return [model for model in MODELS if model.of is body_of(scene)]
 
 
 def _models(asked: Asked, name: str) -> list[Model]:
     """Those that are offered for what is asked, the dearest last; the one named, if one is."""
     scene = asked.scene
-    models = [model for model in MODELS if scene.plane in model.planes]
+    models = _offered(scene)
     if asked.gradient:
         models = [model for model in models if model.gradient]
         if any(one.path for one in scene.arteries):
@@ -187,15 +191,14 @@ def _refined_solid(asked: Asked, left_pct: Array) -> Answer:
     return *refined.solved, refined.error_pct
 
 
-SECTIONS, SOLIDS = ("stress", "strain"), ("solid",)
 MODELS = (
-    Model("small", SECTIONS, SECTION, 0.2, 0.2, False, partial(_refined_section, "small"),
+    Model("small", SECTION, SECTION, 0.2, 0.2, False, partial(_refined_section, "small"),
           own_pct=_small_pct),
-    Model("finite", SECTIONS, SECTION, 1.0, 0.2, True, partial(_refined_section, "finite"),
+    Model("finite", SECTION, SECTION, 1.0, 0.2, True, partial(_refined_section, "finite"),
           "the cheapest model for this scene"),
-    Model("axisymmetric", SOLIDS, REVOLVED, 0.3, 1.0, False, _refined_round,
+    Model("axisymmetric", SOLID, REVOLVED, 0.3, 1.0, False, _refined_round,
           "finger and block are round, and nothing lies aside of them", _is_round),
-    Model("solid", SOLIDS, SOLID, 30.0, 3.0, True, _refined_solid,
+    Model("solid", SOLID, SOLID, 30.0, 3.0, True, _refined_solid,
           "finger, block and what lies below are not round about one axis"),
 )  # fmt: skip
 """Cheapest first of each plane; the last of each is offered for every scene. What has no ``why`` is

@@ -113,10 +113,9 @@ class Phantom:
         taxels are too fine for a solid's elements."""
         if self.array not in (None, array):
             raise SceneError(f"taxels: a finger carries one array; this has {self.array}")
-        if self.scene.plane == "solid":
-            from sim_backend.models.solid_meshes import SHARES, need_wide_taxels
+        from sim_backend.models.bodies import body_of  # here: it loads the finite elements
 
-            need_wide_taxels(self.scene, array, SHARES[0])
+        body_of(self.scene).need_taxels(self.scene, array)
         if self.array is None:
             self._responses.clear()  # what was solved before knows no taxels
         self.array = array

@@ -38,8 +38,9 @@ def symmetric_parts(scene: Scene) -> list[Scene]:
     """The blocks whose mean is the answer: two for a straight solid beside its middle, up to where
     an end comes under the finger; else the scene itself."""
     tissue, aside_mm = scene.tissue, abs(_z_mm(scene))
-    if tissue is None or tissue.length_mm is None or aside_mm == 0.0 or not is_straight(scene):
+    if aside_mm == 0.0 or not is_straight(scene):
         return [scene]
+    assert tissue is not None and tissue.length_mm is not None  # what lies aside is a solid
     near_mm = tissue.length_mm / 2 - aside_mm
     if near_mm < scene.indenter.breadth_mm_projected / 2:
         return [scene]

@@ -9,11 +9,11 @@ from soft_walls import soft_walled
 
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.newton import CannotSolve, Load, unloaded
+from sim_backend.models.bodies import section_for
 from sim_backend.models.place import place
 from sim_backend.models.press import press, scene_pressures_mmhg
 from sim_backend.models.response import levels_pa
 from sim_backend.models.station_response import respond
-from sim_backend.models.stations import section_for
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG

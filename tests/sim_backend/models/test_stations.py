@@ -11,7 +11,7 @@ from sim_backend.fem.newton import CannotSolve, Solution, Unstable
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa
-from sim_backend.models import kept_tables, station_response, stations
+from sim_backend.models import bodies, kept_tables, station_response, stations
 from sim_backend.models.response import Station, levels_pa
 from sim_backend.models.solid_meshes import SHARES
 from sim_backend.models.station_response import respond, station
@@ -54,7 +54,7 @@ def test_a_place_that_was_solved_is_not_solved_again(
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
     rest, low, high = levels_pa(SCENE)
-    both, sunk = np.array([[1.0], [1e3]]), DEPTH_M * stations.SOLID_DEPTHS
+    both, sunk = np.array([[1.0], [1e3]]), DEPTH_M * bodies.SOLID_DEPTHS
     over = np.array([low - rest, high - rest])
     powers = np.linalg.solve(np.vander(over, increasing=True), [-0.3, 0.9] / over)
     table = {"sunk": sunk + 1e-4, "values": both * [1.0, 3, 6, 9, 13], "by_depth": both * sunk,
@@ -76,7 +76,7 @@ def test_a_place_that_was_solved_is_not_solved_again(
 
 
 def test_between_depths_a_ball_s_force_follows_its_power() -> None:
-    sunk = 1e-3 * stations.SOLID_DEPTHS
+    sunk = 1e-3 * bodies.SOLID_DEPTHS
     assert stations._slopes_of_powers(sunk, sunk**1.5) == pytest.approx(1.5 * sunk**0.5, rel=1e-9)
 
 
@@ -184,7 +184,7 @@ def test_a_faint_pulse_is_no_better_known_than_its_share_of_the_force(
     forces_n = found.force_n(found.x_m, DEPTH_M, np.array([low, high]))
     clear = replace(found, left=found.left._replace(faint=0.0))
     share_n = clear.pulse_error_n(found.x_m, DEPTH_M, low, high)
-    assert share_n >= stations.SOLID_LEFT.change * np.ptp(forces_n)
-    assert stated_n - share_n == pytest.approx(stations.SOLID_LEFT.faint * forces_n.max())
-    assert stations.SOLID_LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
+    assert share_n >= bodies.SOLID_LEFT.change * np.ptp(forces_n)
+    assert stated_n - share_n == pytest.approx(bodies.SOLID_LEFT.faint * forces_n.max())
+    assert bodies.SOLID_LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
     assert found.pulse_error_n(found.x_m, DEPTH_M, low, low) == 0.0

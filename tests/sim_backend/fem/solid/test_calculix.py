@@ -11,9 +11,9 @@ from paths import SHARED
 
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.models.bodies import SOLID_LEFT
 from sim_backend.models.press import press
 from sim_backend.models.solid_meshes import SHARES
-from sim_backend.models.stations import SOLID_LEFT
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
