@@ -49,7 +49,7 @@ def test_a_table_is_made_and_found_again(
 
 @pytest.mark.parametrize("arguments, said", [
     (["--make"], "--make needs a scene"), (["HAOT"], "blocks of tissue"),
-    (["TIT-solid"], "plane stress or strain"), (["none"], "neither a file nor"),
+    (["TIT-solid"], "plane sections only"), (["none"], "neither a file nor"),
 ])  # fmt: skip
 def test_what_has_no_table_is_said(arguments: list[str], said: str, palpate: Callable) -> None:
     done = palpate("touch", *arguments)
