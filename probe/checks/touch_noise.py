@@ -19,6 +19,12 @@ def touch_readings(noise_n: float, rate_hz: float, touch_n: float) -> int:
     return next(enough, most)
 
 
+def rounded_up(least_n: float) -> float:
+    """To two digits, so that it passes."""
+    digit_n: float = 10 ** (math.floor(math.log10(least_n)) - 1)
+    return math.ceil(least_n / digit_n) * digit_n
+
+
 def touch_in_noise(
     name: str, noise_n: float, rate_hz: float, touch_n: float, readings: float = math.inf
 ) -> str | None:
@@ -31,9 +37,8 @@ def touch_in_noise(
     least_n = least_touch_n(noise_n, rate_hz, LEVEL_S * rate_hz)
     if not touch_n < least_n / (1 + 2 / math.sqrt(2 * max(readings - 1, 1))):
         return None
-    digit_n = 10 ** (math.floor(math.log10(least_n)) - 1)  # two digits, rounded up: that passes
-    enough_n = math.ceil(least_n / digit_n) * digit_n
     return (
         f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
-        f"would be found in the air; set scan.touch_n to {enough_n:g} or more, or leave it out"
+        f"would be found in the air; set scan.touch_n to {rounded_up(least_n):g} or more, "
+        "or leave it out"
     )

@@ -38,6 +38,9 @@ READ_BY_CHECKS = ("rate_hz", "noise_mn")
 """Settings of sensors that are looked at before any driver has seen them."""
 SLOWEST_FILTER_S = 10.0
 """Of a sensor; slower ones show no press."""
+MOST_FORCE_SHARE = 0.8
+"""Of the force limit, to be pressed to: 5 % may be overshot, and pulses of the paper's
+arteries are 5 to 7 % of the force, with as much again for tissue that is held."""
 LOUDEST_MN = 1e9
 """Noise that may be written down; 1e308 would overflow as a square."""
 
@@ -86,6 +89,9 @@ class Scan(Table):
     """How many, or [columns, rows] of a grid, which is scanned to and fro."""
     indentation_mm: Annotated[float, Field(ge=FINEST_MM, le=50)] = 2.5
     """How deep each press goes, from the surface along its normal."""
+    force_n: Positive | None = None
+    """Press until the force at rest is this, to 5 %, instead of to one depth: no deeper than
+    `indentation_mm`, and so slowly that the press can be stopped at it on `hardest_n_mm`."""
     ramp_s: Annotated[float, Field(gt=0, le=3600)] = 1.0
     """How long the press takes."""
     hold_s: Annotated[float, Field(ge=0, le=3600)] = 0.825
@@ -238,6 +244,13 @@ class Rig(Explained, Table):
             if speed > safety.max_speed_mm_s:
                 limit = f"safety.max_speed_mm_s = {safety.max_speed_mm_s:g}"
                 raise ValueError(f"{key} = {speed:g} mm/s: must not exceed {limit}")
+        most_n = MOST_FORCE_SHARE * safety.max_force_n
+        if scan.force_n is not None and scan.force_n > most_n:
+            raise ValueError(
+                f"scan.force_n = {scan.force_n:g}: must be at most {most_n:g}, "
+                f"{MOST_FORCE_SHARE:g} of safety.max_force_n = {safety.max_force_n:g}: a pulse and "
+                "what a press overshoots by need the rest"
+            )
         if scan.touch_n is not None and scan.touch_n >= safety.max_force_n:
             limit = f"safety.max_force_n = {safety.max_force_n:g}"
             raise ValueError(f"scan.touch_n = {scan.touch_n:g}: must be below {limit}")

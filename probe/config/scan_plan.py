@@ -56,6 +56,7 @@ def plan_for(rig: Rig) -> Plan:
         travel_m_s=1e-3 * scan.travel_mm_s,
         approach_m_s=1e-3 * scan.approach_mm_s,
         settle_s=scan.settle_s,
+        force_n=scan.force_n,
         touch_n=scan.touch_n,
         search_m=1e-3 * scan.search_mm,
         surface=(

@@ -39,6 +39,7 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
             "incline_deg": [math.degrees(math.acos(normal_of(start)[2])) for start in starts],
             "travel_z_mm": 1e3 * plan.travel_z_m,
             "indentation_mm": 1e3 * plan.indentation_m,
+            "force_n": plan.force_n,
             "ramp_s": plan.ramp_s,
             "hold_s": plan.hold_s,
         },

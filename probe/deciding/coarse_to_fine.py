@@ -23,7 +23,7 @@ from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.presses import presses_of
 from probe.detection.scan import detect
 from probe.planning.plan import Place, Plan
-from probe.planning.planner import ALL, Done, Press
+from probe.planning.planner import ALL, Done, Press, whole_press
 
 PULSE_N = 2.55e-3
 """Pulse of the paper's stenotic artery, between 80 and 120 mmHg (`palpate press TISA --x 32 --depth
@@ -104,7 +104,7 @@ class CoarseToFine:
         if (why := self._spent()) is not None:
             return Done(why)
         self._queue = queue[1:]
-        return Press(queue[0], self._plan.indentation_m, self._holds_s)
+        return replace(whole_press(self._plan, queue[0]), holds_s=self._holds_s)
 
     def _missing(self, places: list[Place]) -> list[Place]:
         return [place for place in places if place.index not in self._stations]

@@ -38,7 +38,8 @@ class Plan:
 
     The tip travels ``clearance_m`` above the highest station, approaches at
     ``approach_m_s``, then goes ``indentation_m`` down from the surface in ``ramp_s`` and stays
-    ``hold_s``. With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
+    ``hold_s``. With ``force_n`` a press ends where the force reaches it, if that is not deeper.
+    With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
     goes on, at most ``search_m`` deep, until the force reaches it. ``settle_s`` of rest in the
     air precede each tare. A rig that yields by ``compliance_m_per_n`` is moved on by
     that much, at most ``max_deflection_m``, until the tip itself is deep enough.
@@ -52,6 +53,7 @@ class Plan:
     travel_m_s: float = 20e-3
     approach_m_s: float = 10e-3
     settle_s: float = 0.05
+    force_n: float | None = None
     touch_n: float | None = None
     search_m: float = 2e-3
     surface: Surface = flat

@@ -1,8 +1,9 @@
 """What chooses the next press: a planner is asked, and told what was read.
 
 The words *ask* and *tell* are those of bluesky-adaptive. A planner chooses among the stations of
-the plan, which were checked against every limit before anything moved; the plan's depth and hold
-are the most that it may ask for. So the rig file says what may happen, a planner only what does.
+the plan, which were checked against every limit before anything moved; the plan's depth, hold
+and force are the most that it may ask for. So the rig file says what may happen, a planner only
+what does.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ ALL = "every station is complete"
 class Press:
     """One press: where, how deep, and when its hold may end.
 
+    With ``force_n`` it ends where the force reaches it, ``depth_m`` deep at most.
     ``holds_s`` are times into the hold, ascending. It ends at the first of them at which the
     planner has `Judging.enough`, and at the last in any case.
     """
@@ -25,6 +27,7 @@ class Press:
     place: Place
     depth_m: float
     holds_s: tuple[float, ...]
+    force_n: float | None = None
 
 
 @dataclass(frozen=True)
@@ -73,18 +76,23 @@ class Raster:
 
 
 def whole_press(plan: Plan, place: Place) -> Press:
-    """The press that the plan has at ``place``: as deep and as long as the rig file says."""
-    return Press(place, plan.indentation_m, (plan.hold_s,))
+    """The press that the plan has at ``place``: as deep, hard and long as the rig file says."""
+    return Press(place, plan.indentation_m, (plan.hold_s,), plan.force_n)
 
 
 def refusal(press: Press, plan: Plan) -> str | None:
-    """What is wrong with the depth or the hold of a press, and what is allowed; None if nothing."""
+    """What is wrong with depth, force or hold of a press, and what is allowed; None if nothing."""
     station = f"station {press.place.index + 1}"
     if not 0 < press.depth_m <= plan.indentation_m:
         return (
             f"{station}: depth_m = {press.depth_m!r} is not above 0 and at most the "
             f"{plan.indentation_m:g} m of scan.indentation_mm"
         )
+    if press.force_n is not None and not 0 < press.force_n <= (plan.force_n or 0.0):
+        allowed = "is not allowed without scan.force_n"
+        if plan.force_n is not None:
+            allowed = f"is not above 0 and at most the {plan.force_n:g} N of scan.force_n"
+        return f"{station}: force_n = {press.force_n!r} {allowed}"
     ends_s = press.holds_s
     if not (
         ends_s

@@ -29,8 +29,9 @@ from probe.planning.plan import Plan
 from probe.planning.planner import Done, Planner, Press, Raster
 from probe.scan.choosing import Chooser
 from probe.scan.event_bus import EventBus, EventSink
+from probe.scan.force_press import press_to_force
 from probe.scan.holding import hold
-from probe.scan.indenting import indent, note_the_ramp
+from probe.scan.indenting import note_the_ramp, press_to_depth
 from probe.scan.lifting import begin_lift
 from probe.scan.readiness import planned_poses
 from probe.scan.run_loop import FINE_S, TICK_S, RunLoop
@@ -371,13 +372,17 @@ class _Scan(RunLoop):
         else:
             surface = find_surface(self, surface, plan.touch_n)
         indenting_s = self.enter(Phase.INDENTING)
-        depth_m = indent(self, surface, press.depth_m)
+        if press.force_n is None:
+            depth_m = press_to_depth(self, surface, press.depth_m)
+        else:
+            depth_m = press_to_force(self, surface, press, press.force_n)
         holding_s = self.enter(Phase.HOLDING)
-        note_the_ramp(self, place, holding_s - indenting_s)
+        if press.force_n is None:
+            note_the_ramp(self, place, holding_s - indenting_s)
         self.handle()
-        self._check_contact(press.depth_m)
+        self._check_contact(depth_m)
         hold_s = hold(self, self.chooser, press, holding_s)
-        self._check_contact(press.depth_m)
+        self._check_contact(depth_m)
         self.enter(Phase.RETRACTING)
         begin_lift(self, surface, depth_m, hold_s)
         self.go(above, plan.travel_m_s)

@@ -15,7 +15,7 @@ DEEP_ENOUGH_M = 5e-6
 RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 
 
-def indent(loop: RunLoop, surface: Pose, depth_m: float) -> float:
+def press_to_depth(loop: RunLoop, surface: Pose, depth_m: float) -> float:
     """Go in along the normal, then on by what the rig itself has yielded; how far [m]."""
     plan, depth = loop.plan, depth_m
     bottom = pressed(surface, depth)

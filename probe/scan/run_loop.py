@@ -67,6 +67,7 @@ class RunLoop:
         self.zero_unseen = False  # since the last complete press
         self.usual = Usual()
         self.rates = SensorRates(self.sensors)
+        self.limits = limits
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]
         self.in_the_air = limits.in_the_air
@@ -84,10 +85,15 @@ class RunLoop:
         self.rest_s = TICK_S if guards.threaded else max(self.tick_s, STAGE_PERIOD_S)
 
     def go(
-        self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
+        self,
+        target: Pose,
+        speed_m_s: float,
+        *,
+        until: Callable[[], bool] | None = None,
+        search: bool = False,
     ) -> bool:
         """Move and wait; True if the target was reached, False if ``until`` became true first, or
-        the stage itself ended such a search at a contact.
+        the stage itself ended a ``search`` at a contact.
 
         A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
         commanded, is at fault. Only a stage that ``turns`` is asked to turn the tool.
@@ -101,7 +107,7 @@ class RunLoop:
             return True
         down = start.z - target.z > WAY_M
         step_s, fine_s = (self.tick_s, FINE_S) if down else (self.rest_s, self.rest_s / 4)
-        self.monitor.move(target, speed_m_s, search=until is not None)
+        self.monitor.move(target, speed_m_s, search=search)
         began_s = self.clock.now()
         expected_s, slowest = began_s + length / speed_m_s, 1.0
         while self.monitor.moving():
@@ -116,7 +122,7 @@ class RunLoop:
                 return False
         here = self.monitor.pose()
         off = math.dist(here[:3], target[:3])
-        touched = until is not None and self.monitor.touched_n(began_s) is not None
+        touched = search and self.monitor.touched_n(began_s) is not None
         if off > ARRIVED_M and not touched:
             raise MotionFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
         self.monitor.arrived(here if touched else target)

@@ -75,10 +75,10 @@ def _levels(loop: RunLoop) -> Levels:
 
     Taken again while something shakes the probe.
     """
-    levels = _level(loop)
+    levels = level_at_rest(loop)
     until_s = loop.clock.now() + MAX_UNSTEADY_S
     while (shaken := loop.usual.unsteady(levels)) and loop.clock.now() < until_s:
-        levels = _level(loop)
+        levels = level_at_rest(loop)
     if shaken:
         loop.bus.note("warning", "engine", f"{shaken} at rest in the air, where its zero is "
                       "taken: forces may be off by several times that")  # fmt: skip
@@ -96,7 +96,8 @@ def next_level(loop: RunLoop) -> Levels:
     return loop.monitor.levels(from_s)
 
 
-def _level(loop: RunLoop) -> Levels:
+def level_at_rest(loop: RunLoop) -> Levels:
+    """Of a probe that has settled, of two readings at least. Raises `DeviceFault`."""
     loop.wait_until(loop.clock.now() + loop.plan.settle_s)
     from_s = loop.clock.now()
     levels = next_level(loop)

@@ -1,0 +1,105 @@
+"""A press to a force: down until it comes near, then on at rest by what the stiffness asks for.
+
+The way down is stopped by what the force will be once the tip rests. The steps after it end at
+commanded depths and are judged at rest, so that no latency enters the result.
+"""
+
+import math
+
+from drivers import Pose
+from probe.checks.force_press import FELT, REACHED, force_in_noise, force_speed_m_s, late_by_s
+from probe.core.events import Finish
+from probe.guards.interruption import Interrupted
+from probe.planning.planner import Press
+from probe.planning.press_direction import pressed
+from probe.scan.mean_force import MeanForce, noise_of
+from probe.scan.run_loop import RunLoop
+from probe.scan.taring import level_at_rest
+
+STEPS = 8  # after the way down, at most; two are usual
+NEAR = 0.8  # share of the force that the way down is stopped for
+# How much steeper the next step is than the last, at most: a sphere's force, as depth^1.5, rises
+# from NEAR to the whole 1.22 times as steeply as from FELT to NEAR.
+STIFFENS = 1.25
+SMALLEST_STEP_M = 1e-6
+
+
+class _WayDown:
+    """When to stop: the force, and what it rises by in the ``late_s`` until the tip rests.
+
+    The rise is that since a share `FELT` of ``asked_n`` was first measured, ``most_n_s`` at most.
+    """
+
+    def __init__(
+        self, loop: RunLoop, feels: MeanForce, asked_n: float, late_s: float, most_n_s: float
+    ) -> None:
+        self._loop, self._feels, self._asked_n = loop, feels, asked_n
+        self._late_s, self._most_n_s = late_s, most_n_s
+        self._felt_s = math.nan
+        self.felt_n = 0.0
+        self.felt_at: Pose | None = None
+
+    def near(self) -> bool:
+        now, force_n = self._loop.clock.now(), self._feels.force_n()
+        if self.felt_at is None:
+            if force_n < FELT * self._asked_n:
+                return False
+            self._felt_s, self.felt_n, self.felt_at = now, force_n, self._loop.monitor.pose()
+        rise_n_s, since_s = self._most_n_s, now - self._felt_s
+        if since_s > 0:
+            rise_n_s = min((force_n - self.felt_n) / since_s, rise_n_s)
+        return force_n + rise_n_s * self._late_s >= NEAR * self._asked_n
+
+
+def press_to_force(loop: RunLoop, surface: Pose, press: Press, asked_n: float) -> float:
+    """Go in along the normal until the force at rest is ``asked_n``; how far [m].
+
+    It is no deeper than ``press`` says and no faster than planned. Raises `Interrupted` where
+    noise hides such a force; one that is not reached, or exceeded, is noted.
+    """
+    plan, hardest_n_m = loop.plan, loop.limits.hardest_n_m
+    name, noise_n, rate_hz = noise_of(loop)
+    if (why := force_in_noise(name, noise_n, rate_hz, asked_n)) is not None:
+        raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
+    feels = MeanForce(loop, FELT * asked_n, loop.clock.now())
+    late_s = late_by_s(rate_hz, feels.readings, loop.limits.filter_s.get(name, 0.0))
+    speed = min(press.depth_m / plan.ramp_s, force_speed_m_s(asked_n, late_s, hardest_n_m))
+
+    def rests() -> tuple[float, float]:
+        force_n = level_at_rest(loop)[name][0]
+        return math.dist(surface[:3], loop.monitor.pose()[:3]), force_n
+
+    way = _WayDown(loop, feels, asked_n, late_s, hardest_n_m * speed)
+    loop.go(pressed(surface, press.depth_m), speed, until=way.near)
+    before_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
+    before_n = way.felt_n
+    depth_m, force_n = rests()
+    for _ in range(STEPS):
+        yielded_m = min(max(plan.compliance_m_per_n * force_n, 0.0), plan.max_deflection_m)
+        room_m = press.depth_m + yielded_m - depth_m
+        if force_n >= (1 - REACHED) * asked_n or room_m < SMALLEST_STEP_M:
+            break
+        secant_n_m = (force_n - before_n) / max(depth_m - before_m, SMALLEST_STEP_M)
+        slope_n_m = STIFFENS * max(secant_n_m, asked_n / press.depth_m)
+        slope_n_m = min(slope_n_m, hardest_n_m)
+        step_m = min((asked_n - force_n) / slope_n_m, room_m)
+        before_m, before_n = depth_m, force_n
+        loop.go(
+            pressed(surface, depth_m + step_m), speed,
+            until=lambda: feels.force_n() > (1 + REACHED) * asked_n,
+        )  # fmt: skip
+        depth_m, force_n = rests()
+    _note_the_force(loop, depth_m, force_n, asked_n)
+    return depth_m
+
+
+def _note_the_force(loop: RunLoop, depth_m: float, force_n: float, asked_n: float) -> None:
+    if abs(force_n - asked_n) <= REACHED * asked_n or loop.station is None:
+        return
+    why = (
+        "that is as deep as scan.indentation_mm allows"
+        if force_n < asked_n
+        else ("it stiffened while the probe slowed down")
+    )
+    text = f"station {loop.station + 1}: pressed to {force_n:.3g} N, {1e3 * depth_m:.2f} mm deep, "
+    loop.bus.note("warning", "engine", f"{text}and not to scan.force_n = {asked_n:g} N: {why}")
