@@ -16,6 +16,7 @@ from probe.checks.unusual import unusual
 from probe.config.rig import RASTER, Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import beside_the_block, plan_for
+from probe.guards.force_speed import slowed
 from probe.planning.limits import ARRIVED_M
 from probe.planning.plan import Plan
 from sim_backend.phantom.phantom import Respond
@@ -43,10 +44,12 @@ class DryRun:
 def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = None) -> DryRun:
     """Check a rig file's scan against its limits, the disk of ``out`` and the sensors' noise."""
     plan = plan_for(rig)
-    seconds, search_s = scan_seconds(plan), search_seconds(plan)
     known = available("sensors")
     noises = [known_noise(device) for device in rig.sensor if device.driver in known]
     of_devices, stage, sensors = device_checks(rig, plan, scene, respond)
+    if not any(check.level == "fault" for check in of_devices):
+        plan, _ = slowed(plan, limits_for(rig, plan), sensors)
+    seconds, search_s = scan_seconds(plan), search_seconds(plan)
     size_bytes = run_bytes(plan, sensors)
     checks = [
         _reach(rig, plan),
@@ -69,7 +72,8 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
 
 
 def _time_words(rig: Rig, presses: int, seconds: float, search_s: float) -> str:
-    at_most = "" if rig.scan.planner == RASTER else "at most "
+    ends = rig.scan.planner == RASTER and rig.scan.force_n is None
+    at_most = "" if ends else "at most "
     count = f"{at_most}{presses} press{'es' * (presses != 1)}"
     text = f"{count} in {at_most or 'about '}{seconds:.0f} s from above the first station on"
     if search_s:

@@ -12,7 +12,7 @@ import numpy as np
 from drivers import ConfigError
 from drivers.core.registry import settings_of
 from probe.checks.preflight import Check
-from probe.checks.touch_noise import touch_in_noise
+from probe.checks.touch_noise import force_in_noise, touch_in_noise
 from probe.config.rig import Device, Rig, pair
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import face_mm2_of
@@ -55,11 +55,12 @@ class SensorNoise(NamedTuple):
 
 
 class ExpectedPress(NamedTuple):
-    """The deepest force [N] of one simulated press, and the pulse in it, trough to crest; None
-    without an artery."""
+    """The greatest force [N] of one simulated press, how deep it ends [m], and the pulse in it,
+    trough to crest; None without an artery."""
 
     x_m: float
     force_n: float
+    depth_m: float
     pulse_n: float | None
 
 
@@ -91,6 +92,9 @@ def pulse_checks(
         touch_n = rig.scan.touch_n if n == 0 else None
         if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
             checks.append(Check("touch", "fault", why))
+        force_n = rig.scan.force_n if n == 0 else None
+        if force_n and (why := force_in_noise(name, noise_n, rate_hz, force_n)) is not None:
+            checks.append(Check("force", "fault", why))
         title = f"pulse on {name}"
         if pulse_n is None:
             checks.append(Check(title, "ok", f"nothing to compare with: {source}"))
@@ -167,6 +171,8 @@ def _expected_press(rig: Rig, scene: Scene, respond: Respond) -> tuple[ExpectedP
     except (CannotSolve, SceneError) as error:
         return None, Check("force", level, f"not known {where} in scene {scene.name}: {error}")
     limit_n = rig.safety.max_force_n
+    if plan.force_n is not None:
+        return pressed, _force_reached(plan.force_n, pressed, scene.name)
     text = f"{pressed.force_n:.3g} N {where} in scene {scene.name}"
     text += " at systole" if scene.arteries else ""
     text += f"; the limit is safety.max_force_n = {limit_n:g} N"
@@ -176,6 +182,17 @@ def _expected_press(rig: Rig, scene: Scene, respond: Respond) -> tuple[ExpectedP
         level, text = "warning", f"{text}, and another station may need more"
     text += ": press less deep (scan.indentation_mm), or allow more where that is safe"
     return pressed, Check("force", level, text)
+
+
+def _force_reached(asked_n: float, pressed: ExpectedPress, scene: str) -> Check:
+    where = f"{1e3 * pressed.depth_m:.2f} mm deep at x = {1e3 * pressed.x_m:g} mm in scene {scene}"
+    if pressed.force_n >= asked_n:
+        return Check("force", "ok", f"scan.force_n = {asked_n:g} N is reached {where}")
+    text = (
+        f"scan.force_n = {asked_n:g} N is not reached: {pressed.force_n:.3g} N {where}, where the "
+    )
+    text += "press would be held; ask for less, or allow more depth (scan.indentation_mm)"
+    return Check("force", "warning", text)
 
 
 def _nearest(plan: Plan, scene: Scene) -> Place:
@@ -197,10 +214,14 @@ def _solved_press(plan: Plan, place: Place, scene: Scene, respond: Respond) -> E
     wave = load_wave(scene.pulse)
     beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
     section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)
-    depth = np.full(2, plan.indentation_m)
-    low, high = section.force_n(place.x_m, depth, np.array([beat.min(), beat.max()])).tolist()
+    depth = np.linspace(0.0, plan.indentation_m, 201)
+    each = np.stack([section.force_n(place.x_m, depth, np.full(201, at))
+                     for at in (beat.min(), beat.max())])  # fmt: skip
+    most = each.max(axis=0)
+    end = 200 if plan.force_n is None else min(int(np.searchsorted(most, plan.force_n)), 200)
+    low, high = each[:, end].tolist()
     pulse_n = abs(high - low) if scene.arteries else None  # beside a vessel the crest may be lower
-    return ExpectedPress(place.x_m, max(low, high), pulse_n)
+    return ExpectedPress(place.x_m, float(most[end]), float(depth[end]), pulse_n)
 
 
 def _is_measured_as_solved(rig: Rig, scene: Scene) -> bool:

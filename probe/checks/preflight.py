@@ -18,8 +18,9 @@ from probe.config.devices import Devices, World, check_names, check_units, make_
 from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.snapshot import face_mm2_of
-from probe.core.contact_stress import FORCE_ROLES, square_metres
+from probe.core.contact_stress import square_metres
 from probe.guards.force_limit import SensorGuard
+from probe.guards.force_speed import most_n
 from probe.guards.prepare import prepare
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
@@ -29,9 +30,6 @@ from sim_backend.scene.scene_file import Scene, SceneError
 
 TOGETHER = "devices together"
 REST_S = 2.0  # at 500 Hz ten times the equal readings that are a stuck sensor's (`same_readings`)
-# What a sensor is taken to read at most where neither driver nor rig says: as much as an FT-300,
-# which reads the most of those that say.
-MOST_N = 300.0
 
 
 @dataclass(frozen=True)
@@ -121,24 +119,14 @@ def _force_limit(sensors: Sequence[Sensor], limits: Limits) -> Check:
             "of pressure over a known face; add one, or say face_mm2 = 100"
         )
         return Check("force limit", "fault", text)
-    most_n, name = max((_most_n(one, limits.face_m2), one.name) for one in feeling)
-    if limit_n > most_n:
+    full_n, name = max((most_n(one, limits.face_m2), one.name) for one in feeling)
+    if limit_n > full_n:
         text = (
-            f"safety.max_force_n = {limit_n:g}: {name} reads up to {most_n:.3g} N, and no force "
+            f"safety.max_force_n = {limit_n:g}: {name} reads up to {full_n:.3g} N, and no force "
             "beyond is ever seen; allow less, 5 is usual"
         )
         return Check("force limit", "warning", text)
     return Check("force limit", "ok", f"at most {limit_n:g} N")
-
-
-def _most_n(sensor: Sensor, face_m2: float | None) -> float:
-    """The greatest force [N] that one that feels is taken to read."""
-    area_m2 = {"force": 1.0, "pressure": face_m2, "taxel": face_m2}
-    return max(
-        MOST_N if one.full_scale is None else one.full_scale * (area_m2[one.role] or 0.0)
-        for one in sensor.channels
-        if one.role in FORCE_ROLES
-    )
 
 
 def _made(checks: list[Check], kind: Kind, where: str, device: Device, world: World) -> Any:

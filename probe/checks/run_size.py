@@ -35,6 +35,8 @@ def scan_seconds(plan: Plan) -> float:
     away_s = 2 * plan.clearance_m / plan.travel_m_s + level_s + plan.settle_s  # at the first tare
     each_s = level_s + touch_s + plan.ramp_s + plan.hold_s + LEVEL_S  # `lifting` takes one too
     moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
+    if plan.force_n is not None:  # a step after the way down is usual, and a rest after each
+        each_s += 2 * level_s
     return moves_s + count * each_s + away_s + level_s
 
 

@@ -1,8 +1,10 @@
-"""What the force of a touch must be to stand out of a sensor's noise."""
+"""What the force of a touch, or one to press to, must be to stand out of a sensor's noise."""
 
 import math
 
 from probe.guards.levels import LEVEL_S, MIN_STANDARD_ERRORS
+
+FELT = 0.25  # share of a force to press to that must show on the way down
 
 
 def least_touch_n(noise_n: float, rate_hz: float, readings: float) -> float:
@@ -41,4 +43,17 @@ def touch_in_noise(
         f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
         f"would be found in the air; set scan.touch_n to {rounded_up(least_n):g} or more, "
         "or leave it out"
+    )
+
+
+def force_in_noise(name: str, noise_n: float, rate_hz: float, force_n: float) -> str | None:
+    """Says so if a mean over `LEVEL_S` of a sensor with ``noise_n`` rms does not show the share
+    `FELT` of ``force_n``; one that does is known to 4 %, a standard error."""
+    least_n = least_touch_n(noise_n, rate_hz, LEVEL_S * rate_hz) / FELT
+    if not force_n < least_n:
+        return None
+    return (
+        f"scan.force_n = {force_n:g} N is too little for {name}, {noise_n:.2g} N rms at "
+        f"{rate_hz:g} Hz: where a press ends would be its noise; set scan.force_n to "
+        f"{rounded_up(least_n):g} or more, or leave it out"
     )

@@ -39,6 +39,7 @@ from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
+from probe.detection.unequal_depths import in_words
 from probe.storage.run import recording_of
 
 SHOWN_SIGMAS = 5.0
@@ -154,6 +155,7 @@ def detect(
         reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa, unfinished)
     else:
         reason = _why_no_station(recording)
+    reason = "; ".join(filter(None, (reason, in_words(presses))))
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
         beats, believed,

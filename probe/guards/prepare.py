@@ -13,6 +13,7 @@ from probe.config.snapshot import run_config
 from probe.core.contact_stress import FORCE_ROLES, square_metres
 from probe.guards.commands import Control
 from probe.guards.device_facts import SensorFacts, StageFacts
+from probe.guards.force_speed import slowed
 from probe.guards.press_guard import ROUNDING, check_speed, press_speeds_m_s
 from probe.guards.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.guards.safety_monitor import SafetyMonitor
@@ -74,6 +75,8 @@ def prepare(
         config |= {"rehearsal_mm": up_mm}
         notes = (*notes, f"REHEARSAL: no real sensor feels the force, so the real stage makes the "
                  f"whole scan in the air, {up_mm:g} mm higher than planned")  # fmt: skip
+    plan, slower = slowed(plan, limits, devices.sensors)
+    notes = (*notes, *slower)
     places = len({(place.x_m, place.y_m) for place in plan.places})
     if places * rig.scan.repeats < len(plan.places):
         where = f"{places} place{'s' * (places != 1)}"

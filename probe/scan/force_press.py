@@ -7,8 +7,9 @@ commanded depths and are judged at rest, so that no latency enters the result.
 import math
 
 from drivers import Pose
-from probe.checks.force_press import FELT, REACHED, force_in_noise, force_speed_m_s, late_by_s
+from probe.checks.touch_noise import FELT, force_in_noise
 from probe.core.events import Finish
+from probe.guards.force_speed import force_speed_m_s, late_by_s
 from probe.guards.interruption import Interrupted
 from probe.planning.planner import Press
 from probe.planning.press_direction import pressed
@@ -16,6 +17,7 @@ from probe.scan.mean_force import MeanForce, noise_of
 from probe.scan.run_loop import RunLoop
 from probe.scan.taring import level_at_rest
 
+REACHED = 0.05  # a force at rest within this of what was asked for
 STEPS = 8  # after the way down, at most; two are usual
 NEAR = 0.8  # share of the force that the way down is stopped for
 # How much steeper the next step is than the last, at most: a sphere's force, as depth^1.5, rises

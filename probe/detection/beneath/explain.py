@@ -27,6 +27,7 @@ from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press
 from probe.detection.repeats import MIN_NAMED
 from probe.detection.sizes import Sizes, unknown
+from probe.detection.unequal_depths import usual_depth_m
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.table import TouchTable
@@ -53,6 +54,8 @@ class Known(NamedTuple):
 
     def row(self, presses: Sequence[Press]) -> Likelihood | str:
         """Of what presses of one row measured, or why there is none."""
+        if usual_depth_m(presses) is not None:
+            return "its presses are not equally deep: press to one depth, without scan.force_n"
         data = row_data(presses, self.face_m2)
         if data is None:
             return "the run holds no ramps with places and depths"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from probe.detection.map.seen_map import Map, row_of
 from probe.detection.pulse.presses import Press
 from probe.detection.pulse.search import Search
 from probe.detection.repeats import places_of
+from probe.detection.unequal_depths import levels_at_one_depth
 
 BEAT_SCATTER = 0.08
 """What a heart's pulses differ by from press to press, over the largest."""
@@ -21,7 +23,7 @@ BEAT_SCATTER = 0.08
 class Pressed:
     """Levels and pulses (n,) with their standard deviations at places (n, d), of a row in order of
     x; ``searches`` are those of each place. ``depth_m`` is the median press's, 0 where depths were
-    not recorded."""
+    not recorded; levels are those at one depth."""
 
     place_m: Array
     level_pa: Array
@@ -82,10 +84,12 @@ def over_area(presses: Sequence[Press]) -> Pressed:
 def _pressed(place_m: Array, groups: list[list[Press]]) -> Pressed:
     """Of presses at each place."""
     values = []
+    levels_pa = iter(zip(*levels_at_one_depth([p for group in groups for p in group]), strict=True))
     for group in groups:
         pulses = [p.pulse for p in group if p.pulse is not None]
+        own_pa, own_sd_pa = zip(*islice(levels_pa, len(group)), strict=True)
         values.append((
-            *_mean([p.level_pa for p in group], [p.level_sd_pa for p in group]),
+            *_mean(list(own_pa), list(own_sd_pa)),
             *_mean([pulse.size_pa for pulse in pulses], [pulse.size_sd_pa for pulse in pulses]),
         ))  # fmt: skip
     searches = tuple(

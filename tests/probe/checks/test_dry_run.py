@@ -330,6 +330,32 @@ def test_a_touch_must_stand_out_of_the_noise(
     assert [c.level for c in report.checks if c.name == "touch"] == ["fault"] * (not can_scan)
 
 
+@pytest.mark.parametrize("scan_keys, sensor, level, said", [
+    ({"force_n": 0.5}, {}, "ok", "scan.force_n = 0.5 N is reached 1.0"),  # of 480 N/m
+    ({"force_n": 2.0}, {}, "warning", "force_n = 2 N is not reached: 1.23 N 2.50 mm deep"),
+    ({"force_n": 0.5}, {"noise_mn": 100.0, "rate_hz": 100.0}, "fault", "scan.force_n to 1.1 or"),
+])  # fmt: skip
+def test_whether_a_force_is_reached_and_shown_is_known_before(
+    scan_keys: Any, sensor: Any, level: str, said: str, tmp_path: Path, winkler: Any
+) -> None:
+    keys = {"scan": scan_keys, "sensor": [{"driver": "virtual", **sensor}]}
+    report = dry_run(Rig.model_validate(keys), load_scene("TIHA"), tmp_path, winkler)
+    assert any(c.name == "force" and c.level == level and said in c.text for c in report.checks)
+
+
+def test_a_press_that_its_force_must_end_goes_slower_and_says_how_long(
+    tmp_path: Path, winkler: Any
+) -> None:
+    """On 10 N/mm 0.25 N are there in 52 ms at 0.48 mm/s."""
+    usual, slow = (
+        dry_run(Rig.model_validate({"scan": keys}), load_scene("TI"), tmp_path, winkler)
+        for keys in ({}, {"force_n": 0.5})
+    )
+    (note,) = (check.text for check in slow.checks if check.name == "note")
+    assert "goes down at 0.48 mm/s and takes up to 5.2 s, not scan.ramp_s = 1" in note
+    assert slow.seconds - usual.seconds == pytest.approx(15 * (4.2 + 2 * 0.15), rel=0.01)
+
+
 def test_the_pulse_is_expected_where_the_vessel_s_path_lies(tmp_path: Path, winkler: Any) -> None:
     scene = load_scene("TIHA")
     (vessel,) = scene.arteries

@@ -71,6 +71,7 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
     ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: unknown key .did you mean indentation_mm"),
     ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
     ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
+    ("[scan]\nforce_n = 4.5\n", "force_n = 4.5: must be at most 4, 0.8 of safety.max_force_n = 5"),
     ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
     ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
     (

@@ -28,7 +28,7 @@ FAULTS = [(zaber, "stall", "stalled"), (pi, "motion error", "servo"), (tmcl, "dr
 
 
 def scan(
-    emulator: Any, winkler: Respond, fault: str | None = None
+    emulator: Any, winkler: Respond, fault: str | None = None, force_n: float | None = None
 ) -> tuple[Phantom, Finish, str, list[Event]]:
     clock = WallClock()
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.004))
@@ -50,6 +50,7 @@ def scan(
                 "answer_s": 0.5, **emulator.RIG_AXES}  # fmt: skip
         stage = open_driver("stages", name, clock, {"port": served.address, **keys})
         plan = replace(PLAN, ramp_s=2.0) if fault else PLAN  # time to strike in
+        plan = replace(plan, force_n=force_n)
         ended = run_scan(plan, stage, [virtual_sensor(clock, phantom=phantom)], clock, sink, LIMITS)
     return phantom, ended.finish, ended.reason, events
 
@@ -63,6 +64,13 @@ def test_a_press_is_as_deep_as_planned_and_felt(emulator: Any, winkler: Respond)
     felt_n = max(float(e.block.values.max()) for e in events if isinstance(e, Samples)
                  and len(e.block.values))  # fmt: skip
     assert felt_n > 0.3
+
+
+def test_a_press_to_a_force_ends_at_it(winkler: Respond) -> None:
+    phantom, finish, reason, _ = scan(zaber, winkler, force_n=0.4)
+    assert finish is Finish.COMPLETED, reason
+    deepest = min(leg.point(float("inf"))[2] for leg in phantom.tip.all_legs())
+    assert -deepest == pytest.approx(0.4 / 485, rel=0.06)
 
 
 @pytest.mark.parametrize(("emulator", "fault", "words"), FAULTS, ids=["zaber", "pi", "tmcl"])

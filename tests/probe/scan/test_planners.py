@@ -140,6 +140,7 @@ def fails() -> None:
     (press(1, depth_m=math.nan), "depth_m = nan"),
     (press(1, depth_m=-1e-3), "depth_m = -0.001"),
     (press(1, depth_m="deep"), "TypeError"),
+    (press(1, force_n=0.5), "force_n = 0.5 is not allowed without scan.force_n"),
     (press(1, holds_s=(0.5, 60.0)), "holds_s = (0.5, 60.0)"),
     (press(1, holds_s=(0.8, 0.5)), "holds_s = (0.8, 0.5)"),
     (press(1, holds_s=(math.nan,)), "holds_s = (nan,)"),
