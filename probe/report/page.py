@@ -99,6 +99,7 @@ def _about(config: Mapping[str, Any]) -> str:
     """Who scanned what, how, and with which devices: what a reader wants to know first."""
     labels, plan, rig = (config.get(key) or {} for key in ("labels", "plan", "rig"))
     at_most = "" if presses_all(config) else "at most "
+    deepest = "at most " if plan.get("force_n") else ""
     devices = [
         (rig.get("stage") or {}).get("driver"),
         *(s["driver"] for s in rig.get("sensor", ())),
@@ -106,8 +107,9 @@ def _about(config: Mapping[str, Any]) -> str:
     stated = {
         **{str(key): str(value) for key, value in labels.items()},
         "stations": f"{at_most}{len(plan['stations'])}" if plan.get("stations") else "",
-        "depth": _with_unit(plan.get("indentation_mm"), "mm"),
-        "ramp": _with_unit(plan.get("ramp_s"), "s"),
+        "force": _with_unit(plan.get("force_n"), "N"),
+        "depth": deepest + _with_unit(plan.get("indentation_mm"), "mm"),
+        "ramp": "" if deepest else _with_unit(plan.get("ramp_s"), "s"),
         "hold": _with_unit(plan.get("hold_s"), "s"),
         "rig": " + ".join(str(driver) for driver in devices if driver),
     }
