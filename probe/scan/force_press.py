@@ -49,7 +49,7 @@ class _WayDown:
             self._felt_s, self.felt_n, self.felt_at = now, force_n, self._loop.monitor.pose()
         rise_n_s, since_s = self._most_n_s, now - self._felt_s
         if since_s > 0:
-            rise_n_s = min((force_n - self.felt_n) / since_s, rise_n_s)
+            rise_n_s = min(max(force_n - self.felt_n, 0.0) / since_s, rise_n_s)
         return force_n + rise_n_s * self._late_s >= NEAR * self._asked_n
 
 

@@ -27,9 +27,10 @@ class MeanForce:
         self._alone_n = least_touch_n(noise_n, self.rate_hz, 1)
 
     def force_n(self) -> float:
-        """The force now; 0.0 before there are readings enough."""
+        """The force now; 0.0 where there are too few readings for a mean."""
         latest_n, loop = self._loop.status.force_n, self._loop
         from_s = loop.status.seen_s - self.readings / self.rate_hz
         if latest_n >= self._alone_n or self.readings == 1:
             return latest_n
-        return loop.monitor.levels(from_s)[self._name][0] if from_s >= self.since_s else 0.0
+        mean_n = loop.monitor.levels(from_s)[self._name][0] if from_s >= self.since_s else 0.0
+        return 0.0 if math.isnan(mean_n) else mean_n

@@ -49,6 +49,15 @@ class LostSensor(LateSensor):
         return block if self.bed.force_n(self.bed.clock.now()) < 0.3 else self.block([], [])
 
 
+class SlowerSensor(LateSensor):
+    """It gives a quarter of the readings that it says, as an arm's older controller does."""
+
+    def read(self) -> Block:
+        block = super().read()
+        given = np.round(block.time_s * self.rate_hz).astype(int) % 4 == 0
+        return self.block(block.time_s[given], block.values[given])
+
+
 class Braking(SpringStage):
     """As slow to stop as line stages are, 50 mm/s2."""
 
@@ -114,6 +123,15 @@ def test_a_noisy_sensor_ends_a_press_by_the_mean_of_its_readings() -> None:
     assert ran.finish is Finish.COMPLETED, ran.reason
     error_n = 0.05 * np.sqrt(2 / 10)  # of the level and its zero
     assert bed.force_at(ran.height_m).max() == pytest.approx(1.5, abs=0.05 * 1.5 + 2 * error_n)
+
+
+def test_a_sensor_that_is_slower_than_it_says_ends_a_press_as_well() -> None:
+    bed = Hertz(SimulatedClock(), 1200.0)
+    sensor = SlowerSensor(bed)
+    sensor.noise_n = 0.014  # 3 of its readings show the force, and one or two are there
+    ran, _ = pressed(0.5, bed, sensor)
+    assert ran.finish is Finish.COMPLETED, ran.reason
+    assert bed.force_at(ran.height_m).max() == pytest.approx(0.5, rel=0.08)
 
 
 @pytest.mark.parametrize("sensor, said", [
