@@ -74,14 +74,14 @@ def press_to_force(loop: RunLoop, surface: Pose, press: Press, asked_n: float) -
     way = _WayDown(loop, feels, asked_n, late_s, hardest_n_m * speed)
     loop.go(pressed(surface, press.depth_m), speed, until=way.near)
     before_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
-    before_n = way.felt_n
+    before_n, doubt_n = way.felt_n, 2 * noise_n / math.sqrt(feels.readings)
     depth_m, force_n = rests()
     for _ in range(STEPS):
         yielded_m = min(max(plan.compliance_m_per_n * force_n, 0.0), plan.max_deflection_m)
         room_m = press.depth_m + yielded_m - depth_m
         if force_n >= (1 - REACHED) * asked_n or room_m < SMALLEST_STEP_M:
             break
-        secant_n_m = (force_n - before_n) / max(depth_m - before_m, SMALLEST_STEP_M)
+        secant_n_m = (force_n - before_n + doubt_n) / max(depth_m - before_m, SMALLEST_STEP_M)
         slope_n_m = STIFFENS * max(secant_n_m, asked_n / press.depth_m)
         slope_n_m = min(slope_n_m, hardest_n_m)
         step_m = min((asked_n - force_n) / slope_n_m, room_m)
