@@ -119,7 +119,8 @@ def test_noise_ends_no_press_far_from_its_force() -> None:
     """Neither too late, nor by a step after a stiffness that noise made too small."""
     reached_n = []
     for seed in range(12):
-        bed = Hertz(SimulatedClock(), 3300.0)
+        bed = Hertz(SimulatedClock(), 1040.0)
+        bed.power = 1.2
         sensor = LateSensor(bed, rate_hz=100.0, seed=seed)
         sensor.noise_n = 0.02
         ran, _ = pressed(0.5, bed, sensor)
