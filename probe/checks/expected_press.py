@@ -5,6 +5,7 @@ sensor sees the pulse in it.
 import math
 from collections.abc import Iterable
 from contextlib import suppress
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -92,8 +93,9 @@ def pulse_checks(
         touch_n = rig.scan.touch_n if n == 0 else None
         if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
             checks.append(Check("touch", "fault", why))
-        force_n = rig.scan.force_n if n == 0 else None
-        if force_n and (why := force_in_noise(name, noise_n, rate_hz, force_n)) is not None:
+        rises_n = [b - a for a, b in pairwise((0.0, *rig.scan.forces_n))] if n == 0 else []
+        why = force_in_noise(name, noise_n, rate_hz, min(rises_n)) if rises_n else None
+        if why is not None:
             checks.append(Check("force", "fault", why))
         title = f"pulse on {name}"
         if pulse_n is None:
@@ -187,10 +189,8 @@ def _expected_press(rig: Rig, scene: Scene, respond: Respond) -> tuple[ExpectedP
 def _force_reached(asked_n: float, pressed: ExpectedPress, scene: str) -> Check:
     where = f"{1e3 * pressed.depth_m:.2f} mm deep at x = {1e3 * pressed.x_m:g} mm in scene {scene}"
     if pressed.force_n >= asked_n:
-        return Check("force", "ok", f"scan.force_n = {asked_n:g} N is reached {where}")
-    text = (
-        f"scan.force_n = {asked_n:g} N is not reached: {pressed.force_n:.3g} N {where}, where the "
-    )
+        return Check("force", "ok", f"{asked_n:g} N are reached {where}")
+    text = f"{asked_n:g} N are not reached: {pressed.force_n:.3g} N {where}, where the "
     text += "press would be held; ask for less, or allow more depth (scan.indentation_mm)"
     return Check("force", "warning", text)
 

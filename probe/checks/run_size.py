@@ -36,7 +36,8 @@ def scan_seconds(plan: Plan) -> float:
     each_s = level_s + touch_s + plan.ramp_s + plan.hold_s + LEVEL_S  # `lifting` takes one too
     moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
     if plan.force_n is not None:  # a step after the way down is usual, and a rest after each
-        each_s += 2 * level_s
+        each_s += (1 + len(plan.steps_n)) * 2 * level_s
+    each_s += plan.steps * plan.step_hold_s
     return moves_s + count * each_s + away_s + level_s
 
 

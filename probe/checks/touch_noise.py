@@ -53,7 +53,7 @@ def force_in_noise(name: str, noise_n: float, rate_hz: float, force_n: float) ->
     if not force_n < least_n:
         return None
     return (
-        f"scan.force_n = {force_n:g} N is too little for {name}, {noise_n:.2g} N rms at "
-        f"{rate_hz:g} Hz: where a press ends would be its noise; set scan.force_n to "
-        f"{rounded_up(least_n):g} or more, or leave it out"
+        f"{force_n:.2g} N are too little to press to by {name}, {noise_n:.2g} N rms at "
+        f"{rate_hz:g} Hz: where it ends would be noise; set scan.force_n, or what lies between "
+        f"two of scan.steps_n, to {rounded_up(least_n):g} or more, or leave it out"
     )

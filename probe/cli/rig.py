@@ -123,6 +123,8 @@ def plan(
     if press.force_n is not None:
         deepest = f"at most {1e3 * press.indentation_m:g} mm deep"
         how = f"to {press.force_n:g} N, {deepest}, held {press.hold_s:g} s"
+    if press.steps:
+        how += f", and {press.step_hold_s:g} s at {press.steps} steps before"
     spans = [
         f"{axis} = {1e3 * min(at):g}{f' to {1e3 * max(at):g}' if max(at) > min(at) else ''} mm"
         for axis, at in (("x", [p.x_m for p in places]), ("y", [p.y_m for p in places]))

@@ -5,6 +5,7 @@ makes the plan and the limits of one.
 """
 
 import math
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
@@ -21,6 +22,11 @@ MARGIN_MM = 4.0
 """The paper's stations: 4 mm apart, and the outer ones as far from the block's ends."""
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
+Steps = Annotated[tuple[Positive, ...], Field(max_length=50)]
+STEP_UP = 1.1
+"""Of forces that are met to 5 %: they do not overlap."""
+SHORTEST_STEP_S = 0.5
+"""A shorter stop is not told from the rests in which a force is measured."""
 FINEST_MM = 1e-6
 """A shorter press is none: a microstep of the finest screws is 10 nm."""
 FARTHEST_MM = 10_000.0
@@ -92,6 +98,13 @@ class Scan(Table):
     force_n: Positive | None = None
     """Press until the force at rest is this, to 5 %, instead of to one depth: no deeper than
     `indentation_mm`, and so slowly that the press can be stopped at it on `hardest_n_mm`."""
+    steps_mm: Steps = ()
+    """Depths at which a press stops on its way, ascending; the last, at most `indentation_mm`, is
+    held for `hold_s`, the others for `step_hold_s`."""
+    steps_n: Steps = ()
+    """The same in forces, each reached as `force_n` is."""
+    step_hold_s: Annotated[float, Field(ge=SHORTEST_STEP_S, le=3600)] = 2.0
+    """How long each step but the last is held; at least two heartbeats to find a pulse well."""
     ramp_s: Annotated[float, Field(gt=0, le=3600)] = 1.0
     """How long the press takes."""
     hold_s: Annotated[float, Field(ge=0, le=3600)] = 0.825
@@ -117,6 +130,11 @@ class Scan(Table):
     surface_mm: Heights = 0.0
     """Height of the surface: one number, or points [[x, y, z], ...] of it; three make a plane,
     more a smooth sheet."""
+
+    @property
+    def forces_n(self) -> tuple[float, ...]:
+        """The forces that a press goes to, ascending; none if it goes to a depth."""
+        return self.steps_n or (() if self.force_n is None else (self.force_n,))
 
 
 class Workspace(Table):
@@ -244,10 +262,25 @@ class Rig(Explained, Table):
             if speed > safety.max_speed_mm_s:
                 limit = f"safety.max_speed_mm_s = {safety.max_speed_mm_s:g}"
                 raise ValueError(f"{key} = {speed:g} mm/s: must not exceed {limit}")
-        most_n = MOST_FORCE_SHARE * safety.max_force_n
-        if scan.force_n is not None and scan.force_n > most_n:
+        ends = {"force_n": scan.force_n, "steps_mm": scan.steps_mm, "steps_n": scan.steps_n}
+        if len(given := [f"scan.{key}" for key, value in ends.items() if value]) > 1:
+            raise ValueError(f"{given[1]}: a press ends by one of {', '.join(given)}; leave one")
+        for key, steps in (("steps_mm", scan.steps_mm), ("steps_n", scan.steps_n)):
+            if list(steps) != sorted(set(steps)):
+                raise ValueError(f"scan.{key} = {list(steps)}: must ascend")
+        if any(b < STEP_UP * a for a, b in pairwise(scan.steps_n)):
+            each = f"each must be {STEP_UP:g} times the one before at least: a force is met to 5 %"
+            raise ValueError(f"scan.steps_n = {list(scan.steps_n)}: {each}")
+        if scan.steps_mm and scan.steps_mm[-1] > scan.indentation_mm:
+            deepest = f"scan.indentation_mm = {scan.indentation_mm:g}"
             raise ValueError(
-                f"scan.force_n = {scan.force_n:g}: must be at most {most_n:g}, "
+                f"scan.steps_mm = {list(scan.steps_mm)}: must end at most at {deepest}"
+            )
+        most_n, force_n = MOST_FORCE_SHARE * safety.max_force_n, max(scan.forces_n, default=0.0)
+        if force_n > most_n:
+            key = "steps_n" if scan.steps_n else "force_n"
+            raise ValueError(
+                f"scan.{key} = {force_n:g}: must be at most {most_n:g}, "
                 f"{MOST_FORCE_SHARE:g} of safety.max_force_n = {safety.max_force_n:g}: a pulse and "
                 "what a press overshoots by need the rest"
             )

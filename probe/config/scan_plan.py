@@ -47,16 +47,20 @@ def plan_for(rig: Rig) -> Plan:
     )
     compliance_m_per_n = compliance_of(files["compliance"]) if "compliance" in files else 0.0
     places = grid((1e-3 * x, 1e-3 * y), (1e-3 * dx, 1e-3 * dy), (int(columns), int(rows)))
+    steps_m = tuple(1e-3 * step_mm for step_mm in scan.steps_mm)
     return Plan(
         places=_only(repeated(places, scan.repeats), scan.only),
-        indentation_m=1e-3 * scan.indentation_mm,
+        indentation_m=steps_m[-1] if steps_m else 1e-3 * scan.indentation_mm,
         ramp_s=scan.ramp_s,
         hold_s=scan.hold_s,
         clearance_m=1e-3 * rig.safety.retract_mm,
         travel_m_s=1e-3 * scan.travel_mm_s,
         approach_m_s=1e-3 * scan.approach_mm_s,
         settle_s=scan.settle_s,
-        force_n=scan.force_n,
+        force_n=max(scan.forces_n, default=None),
+        steps_m=steps_m[:-1],
+        steps_n=scan.forces_n[:-1],
+        step_hold_s=scan.step_hold_s,
         touch_n=scan.touch_n,
         search_m=1e-3 * scan.search_mm,
         surface=(

@@ -84,6 +84,7 @@ def record(
             ended,
             signal.block,
             signal.unit,
+            signal.step_hold_s,
         )
     except ValueError as error:
         raise RunFileError(str(error)) from None
@@ -173,6 +174,7 @@ class _Signal:
         scene = config.get("block") or config.get("scene") or {}  # of an import only the block
         self.block = {key: scene[key] for key in OF_BLOCK if key in scene} or None
         self.incline = _incline(config)
+        self.step_hold_s = float((config.get("plan") or {}).get("step_hold_s") or 0.0)
         self.compliance_m_per_n = compliance_m_per_n(config)
         self.quantum_pa: float | None = None
 

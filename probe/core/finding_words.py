@@ -1,5 +1,6 @@
 """A finding in a person's words: the same in the terminal, in windows and on the page."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -89,7 +90,9 @@ def summary(found: Mapping[str, Any]) -> list[str]:
 
 def remarks(found: Mapping[str, Any]) -> list[str]:
     """The heart rate, why the finding is what it is, and what was assumed."""
-    lines = (heart_rate_line(found), found.get("reason"), assumption(found))
+    lines = (
+        heart_rate_line(found), hold_down_line(found), found.get("reason"), assumption(found),
+    )  # fmt: skip
     return [line for line in lines if line]
 
 
@@ -129,6 +132,26 @@ def heart_rate_line(found: Mapping[str, Any]) -> str:
         return ""
     low, high = found["heart_rate_ci_bpm"]
     return f"heart rate {found['heart_rate_bpm']:.0f} /min (95 %: {low:.0f} to {high:.0f})"
+
+
+def hold_down_line(found: Mapping[str, Any]) -> str:
+    """At which step of a press in steps the pulse is greatest; empty without steps or a pulse."""
+    steps = [s for s in found.get("steps", ()) if s["pulse_n"] is not None]
+    if not steps or not found.get("heart_rate_bpm"):
+        return ""
+    best = max(steps, key=lambda step: float(step["pulse_n"]))
+    last = [step for step in steps if step["station"] == best["station"]][-1]
+    differ_n = reach(math.hypot(best["pulse_sd_n"], last["pulse_sd_n"])) or 0.0
+    beyond = (
+        f"and {1e3 * last['pulse_n']:.3g} mN at the last"
+        if best["pulse_n"] - last["pulse_n"] > differ_n
+        else "and not less at the last: it may grow beyond"
+    )
+    return (
+        f"of the steps the pulse is greatest, {1e3 * best['pulse_n']:.3g} mN, at "
+        f"{best['force_n']:.3g} N, {best['depth_mm']:.2f} mm deep at station {best['station']}, "
+        f"{beyond}"
+    )
 
 
 def reach(sd: float | None) -> float | None:

@@ -92,7 +92,8 @@ class Recording:
     words (empty of a run that was broken off), ``quantum_pa`` the sensor's resolution (0 =
     unknown). ``block`` is what is known of finger, block and support, as a scene file says it.
     ``unit`` is that of ``signal_pa`` and ``quantum_pa``: "Pa", or that of a sensor whose readings
-    nothing turns into pascals, such as "counts".
+    nothing turns into pascals, such as "counts". ``step_hold_s`` is how long each step of a press
+    in steps was held; 0 of presses at once.
 
     Examples
     --------
@@ -111,6 +112,7 @@ class Recording:
     ended: str = ""
     block: Mapping[str, Any] | None = None
     unit: str = "Pa"
+    step_hold_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Raises `ValueError` for a face that none has, and places that cannot be in metres."""

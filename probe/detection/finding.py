@@ -76,6 +76,28 @@ class StationFinding:
 
 
 @dataclass(frozen=True)
+class StepFinding:
+    """One step of a press in steps: how deep it was held, the force there and the pulse in it,
+    trough to crest; NaN where it could not be judged."""
+
+    station: int
+    depth_m: float
+    force_n: float
+    pulse_n: float
+    pulse_sd_n: float
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-able; None where a number is unknown."""
+        return {
+            "station": self.station,
+            "depth_mm": _mm(self.depth_m),
+            "force_n": _known(self.force_n),
+            "pulse_n": _known(self.pulse_n),
+            "pulse_sd_n": _known(self.pulse_sd_n),
+        }
+
+
+@dataclass(frozen=True)
 class ObjectFinding:
     """One thing beneath. Positions and the 95 % interval in m, NaN without positions.
 
@@ -148,6 +170,7 @@ class Finding:
     ``needed_pa`` is the smallest pulse, trough to crest, that most presses would have shown (NaN:
     unknown), ``asked_pa`` the one that it was to show. ``heart_rate_bpm`` is the rate with its 95 %
     interval, None without a pulse. ``priors`` are what sizes rest on beside the scan.
+    ``steps`` are the hold-down curves of presses in steps.
 
     Examples
     --------
@@ -166,6 +189,7 @@ class Finding:
     asked_pa: float = nan
     heart_rate_bpm: tuple[float, float, float] | None = None
     priors: Priors = DEFAULT
+    steps: tuple[StepFinding, ...] = ()
 
     def __repr__(self) -> str:
         """As the terminal shows it; the numbers are in the attributes and in `as_json`."""
@@ -218,7 +242,7 @@ class Finding:
                 }
                 for s in self.stations
             ],
-        }
+        } | ({"steps": [step.as_json() for step in self.steps]} if self.steps else {})
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from probe.detection.finding import (
     stated,
 )
 from probe.detection.heart_rate import heart_rate
+from probe.detection.hold_down import hold_down
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.area import MIN_PRESSES
 from probe.detection.map.bumps import MIN_STATIONS
@@ -158,7 +159,7 @@ def detect(
     reason = "; ".join(filter(None, (reason, in_words(presses))))
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
-        beats, believed,
+        beats, believed, hold_down(recording, false_alarm),
     )  # fmt: skip
 
 

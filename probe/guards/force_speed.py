@@ -51,19 +51,19 @@ def slowed(
     feeling = [s for s in sensors if any(c.role in FORCE_ROLES for c in s.channels)]
     if plan.force_n is None or not feeling:
         return plan, ()
-    sensor = feeling[0]
+    sensor, key = feeling[0], "the last of scan.steps_n" if plan.steps_n else "scan.force_n"
     if plan.force_n >= (full_n := most_n(sensor, limits.face_m2)):
         raise ConfigError(
-            f"scan.force_n = {plan.force_n:g}: {sensor.name} reads up to {full_n:.3g} N, and is "
+            f"{key} = {plan.force_n:g}: {sensor.name} reads up to {full_n:.3g} N, and is "
             "saturated there; ask for less"
         )
     late_s = late_by_s(sensor.rate_hz, 1, limits.filter_s.get(sensor.name, 0.0))
-    ramp_s = plan.indentation_m / force_speed_m_s(plan.force_n, late_s, limits.hardest_n_m)
+    ramp_s = plan.indentation_m / force_speed_m_s(min(plan.rises_n), late_s, limits.hardest_n_m)
     if ramp_s <= plan.ramp_s:
         return plan, ()
     speed_mm_s, hardest_n_mm = 1e3 * plan.indentation_m / ramp_s, 1e-3 * limits.hardest_n_m
     text = (
-        f"scan.force_n = {plan.force_n:g}: a press goes down at {speed_mm_s:.2g} mm/s and takes up "
+        f"{key} = {plan.force_n:g}: a press goes down at {speed_mm_s:.2g} mm/s and takes up "
         f"to {ramp_s:.3g} s, not scan.ramp_s = {plan.ramp_s:g}, so that it can be stopped on "
         f"something as hard as safety.hardest_n_mm = {hardest_n_mm:g}; say less there if what lies "
         "beneath is softer"

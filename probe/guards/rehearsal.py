@@ -32,7 +32,9 @@ def lift_m(plan: Plan) -> float:
 def in_the_air(plan: Plan, limits: Limits) -> tuple[Plan, Limits]:
     """The same presses above the tissue. Raises `ConfigError` if the workspace is too low."""
     surface, up_m = plan.surface, lift_m(plan)
-    lifted = replace(plan, surface=lambda x, y: surface(x, y) + up_m, touch_n=None, force_n=None)
+    lifted = replace(
+        plan, surface=lambda x, y: surface(x, y) + up_m, touch_n=None, force_n=None, steps_n=()
+    )
     try:
         check_reach(lifted, limits.workspace_m)
     except ConfigError as error:

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 from drivers import ConfigError, Pose
 from probe.planning.press_direction import normal_of, pressed, turn_at
@@ -39,6 +40,7 @@ class Plan:
     The tip travels ``clearance_m`` above the highest station, approaches at
     ``approach_m_s``, then goes ``indentation_m`` down from the surface in ``ramp_s`` and stays
     ``hold_s``. With ``force_n`` a press ends where the force reaches it, if that is not deeper.
+    On its way it stays ``step_hold_s`` at each of the depths ``steps_m`` or forces ``steps_n``.
     With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
     goes on, at most ``search_m`` deep, until the force reaches it. ``settle_s`` of rest in the
     air precede each tare. A rig that yields by ``compliance_m_per_n`` is moved on by
@@ -54,6 +56,9 @@ class Plan:
     approach_m_s: float = 10e-3
     settle_s: float = 0.05
     force_n: float | None = None
+    steps_m: tuple[float, ...] = ()
+    steps_n: tuple[float, ...] = ()
+    step_hold_s: float = 0.0
     touch_n: float | None = None
     search_m: float = 2e-3
     surface: Surface = flat
@@ -64,6 +69,17 @@ class Plan:
     def travel_z_m(self) -> float:
         """The height of all travel."""
         return max(pose.z for pose in self._starts.values()) + self.clearance_m
+
+    @property
+    def rises_n(self) -> tuple[float, ...]:
+        """By how much each step raises the force; none of a press to a depth."""
+        forces_n = () if self.force_n is None else (*self.steps_n, self.force_n)
+        return tuple(b - a for a, b in pairwise((0.0, *forces_n)))
+
+    @property
+    def steps(self) -> int:
+        """How often a press stops on its way."""
+        return len(self.steps_m) + len(self.steps_n)
 
     @property
     def deepest_m(self) -> float:

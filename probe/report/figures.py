@@ -12,7 +12,7 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.courses import courses_mm
-from probe.core.finding_words import reach
+from probe.core.finding_words import NORMAL_95, reach
 from probe.core.places import has_rows, rows_of
 from probe.core.recording import Recording, Station
 from probe.core.taxel_image import beat_ends
@@ -246,6 +246,26 @@ def force_trace(station: Station, face_m2: float, title: str) -> Figure:
     if axes.get_legend_handles_labels()[1]:
         _legend(figure)
     axes.set_title(title, fontsize=8)
+    return figure
+
+
+def hold_down(steps: Sequence[Mapping[str, Any]]) -> Figure:
+    """Force against depth and pulse against force, a curve for each station."""
+    figure = Figure(figsize=(PAPER_WIDTH_IN, 2.4))
+    force, pulse = figure.subplots(1, 2)
+    force.set(xlabel="depth [mm]", ylabel="force [N]")
+    pulse.set(xlabel="force [N]", ylabel="pulse [mN]")
+    for station in dict.fromkeys(step["station"] for step in steps):
+        of = [step for step in steps if step["station"] == station]
+        depth_mm, force_n, pulse_mn, sd_mn = np.array([
+            [_number(step["depth_mm"]), _number(step["force_n"]), 1e3 * _number(step["pulse_n"]),
+             1e3 * _number(step["pulse_sd_n"])]
+            for step in of
+        ]).T  # fmt: skip
+        force.plot(depth_mm, force_n, "o-", color=BLUE, ms=2.5, lw=0.9)
+        pulse.errorbar(force_n, pulse_mn, NORMAL_95 * sd_mn, color=BLUE, fmt="o-", ms=2.5, lw=0.9)
+    for axes in (force, pulse):
+        axes.set_ylim(bottom=0.0)
     return figure
 
 

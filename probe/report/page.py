@@ -14,6 +14,7 @@ from probe.core.finding_words import (
     number_words,
     over_rows,
     percent,
+    reach,
     simulated_words,
     size_words,
 )
@@ -69,6 +70,8 @@ def page(
     parts.append("<h2>Maps and traces</h2><div class='figures'>")
     parts += [_picture(p) for p in pictures]
     parts.append("</div><h2>Stations</h2>" + _stations(finding["stations"]))
+    if steps := finding.get("steps"):
+        parts.append("<h2>Steps</h2>" + _steps(steps))
     parts.append("<h2>Channels</h2>" + _channels(channels))
     settings = escape(json.dumps(config, indent=1, default=str))
     parts.append(
@@ -162,6 +165,23 @@ def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
     places = [f"{axis[0]} [mm]" for axis in axes]
     sizes = ("baseline [Pa]", "± 95 %", "pulse [Pa]", "± 95 %")
     return _table(("station", *places, *sizes), rows)
+
+
+def _steps(steps: Sequence[Mapping[str, Any]]) -> str:
+    """The hold-down curve of each station."""
+    rows = [
+        (
+            str(step["station"]),
+            number_words(step["depth_mm"], ".2f"),
+            number_words(step["force_n"], ".3f"),
+            *(
+                number_words(None if n is None else 1e3 * n, ".2f")
+                for n in (step["pulse_n"], reach(step["pulse_sd_n"]))
+            ),
+        )
+        for step in steps
+    ]
+    return _table(("station", "depth [mm]", "force [N]", "pulse [mN]", "± 95 %"), rows)
 
 
 def _channels(channels: Mapping[str, Sequence[Channel]]) -> str:

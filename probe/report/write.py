@@ -1,5 +1,6 @@
 """Writes a run's report: the page and its figures as PNG, SVG and PDF."""
 
+import math
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -152,6 +153,9 @@ def _pictures(
     caption = f"Force against time of {pressed}, {why}."
     trace = figures.force_trace(best, recording.face_m2, pressed)
     pictures.append(Picture("force", caption, trace))
+    if steps := finding.get("steps"):
+        caption = "Presses in steps: force against depth, and pulse against force with 95 % limits."
+        pictures.append(Picture("steps", caption, figures.hold_down(steps)))
     if (image := taxels(recording, best, beats)) is not None:
         caption = f"The array in the hold of {pressed}, row 0 below; a triangle: no taxel is there."
         pictures.append(Picture("taxels", caption, image))
@@ -173,7 +177,9 @@ def _section(scene: Scene, best: Station, config: Mapping[str, Any], place: str)
     )
     from sim_backend.scene.slicing import section_at
 
-    depth_mm = float(config["plan"]["indentation_mm"])
+    plan = config["plan"]
+    deep_m = best.hold_depth_m if plan.get("force_n") else math.nan
+    depth_mm = float(plan["indentation_mm"]) if math.isnan(deep_m) else round(1e3 * deep_m, 2)
     mmhg = scene.pulse.systolic_mmhg
     here = section_at(scene, 1e3 * best.y_m) if np.isfinite(best.y_m) else scene
     try:

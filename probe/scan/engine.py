@@ -29,12 +29,12 @@ from probe.planning.plan import Plan
 from probe.planning.planner import Done, Planner, Press, Raster
 from probe.scan.choosing import Chooser
 from probe.scan.event_bus import EventBus, EventSink
-from probe.scan.force_press import press_to_force
 from probe.scan.holding import hold
-from probe.scan.indenting import note_the_ramp, press_to_depth
+from probe.scan.indenting import note_the_ramp
 from probe.scan.lifting import begin_lift
 from probe.scan.readiness import planned_poses
 from probe.scan.run_loop import FINE_S, TICK_S, RunLoop
+from probe.scan.steps import press_in
 from probe.scan.stop_rules import ABORTED, no_contact
 from probe.scan.taring import note_last_drift, note_unseen, take_zero
 from probe.scan.touching import find_surface
@@ -372,12 +372,9 @@ class _Scan(RunLoop):
         else:
             surface = find_surface(self, surface, plan.touch_n)
         indenting_s = self.enter(Phase.INDENTING)
-        if press.force_n is None:
-            depth_m = press_to_depth(self, surface, press.depth_m)
-        else:
-            depth_m = press_to_force(self, surface, press, press.force_n)
+        depth_m = press_in(self, surface, press)
         holding_s = self.enter(Phase.HOLDING)
-        if press.force_n is None:
+        if press.force_n is None and not plan.steps:
             note_the_ramp(self, place, holding_s - indenting_s)
         self.handle()
         self._check_contact(depth_m)

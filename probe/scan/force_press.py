@@ -29,13 +29,20 @@ SMALLEST_STEP_M = 1e-6
 class _WayDown:
     """When to stop: the force, and what it rises by in the ``late_s`` until the tip rests.
 
-    The rise is that since a share `FELT` of ``asked_n`` was first measured, ``most_n_s`` at most.
+    ``rise_n`` is what is wanted beyond ``from_n``. What it rises by is as since a share `FELT` of
+    that was first measured, ``most_n_s`` at most.
     """
 
     def __init__(
-        self, loop: RunLoop, feels: MeanForce, asked_n: float, late_s: float, most_n_s: float
+        self,
+        loop: RunLoop,
+        feels: MeanForce,
+        from_n: float,
+        rise_n: float,
+        late_s: float,
+        most_n_s: float,
     ) -> None:
-        self._loop, self._feels, self._asked_n = loop, feels, asked_n
+        self._loop, self._feels, self._from_n, self._rise_n = loop, feels, from_n, rise_n
         self._late_s, self._most_n_s = late_s, most_n_s
         self._felt_s = math.nan
         self.felt_n = 0.0
@@ -43,35 +50,39 @@ class _WayDown:
 
     def near(self) -> bool:
         now, force_n = self._loop.clock.now(), self._feels.force_n()
+        rose_n = force_n - self._from_n
         if self.felt_at is None:
-            if force_n < FELT * self._asked_n:
+            if rose_n < FELT * self._rise_n:
                 return False
             self._felt_s, self.felt_n, self.felt_at = now, force_n, self._loop.monitor.pose()
         rise_n_s, since_s = self._most_n_s, now - self._felt_s
         if since_s > 0:
             rise_n_s = min(max(force_n - self.felt_n, 0.0) / since_s, rise_n_s)
-        return force_n + rise_n_s * self._late_s >= NEAR * self._asked_n
+        return rose_n + rise_n_s * self._late_s >= NEAR * self._rise_n
 
 
-def press_to_force(loop: RunLoop, surface: Pose, press: Press, asked_n: float) -> float:
-    """Go in along the normal until the force at rest is ``asked_n``; how far [m].
+def press_to_force(
+    loop: RunLoop, surface: Pose, press: Press, asked_n: float, from_n: float = 0.0
+) -> tuple[float, float]:
+    """Go in along the normal until the force at rest is ``asked_n``, from where it is ``from_n``;
+    how far [m], and the force there [N].
 
     It is no deeper than ``press`` says and no faster than planned. Raises `Interrupted` where
     noise hides such a force; one that is not reached, or exceeded, is noted.
     """
-    plan, hardest_n_m = loop.plan, loop.limits.hardest_n_m
+    plan, hardest_n_m, rise_n = loop.plan, loop.limits.hardest_n_m, asked_n - from_n
     name, noise_n, rate_hz = noise_of(loop)
-    if (why := force_in_noise(name, noise_n, rate_hz, asked_n)) is not None:
+    if (why := force_in_noise(name, noise_n, rate_hz, rise_n)) is not None:
         raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
-    feels = MeanForce(loop, FELT * asked_n, loop.clock.now())
+    feels = MeanForce(loop, FELT * rise_n, loop.clock.now())
     late_s = late_by_s(rate_hz, feels.readings, loop.limits.filter_s.get(name, 0.0))
-    speed = min(press.depth_m / plan.ramp_s, force_speed_m_s(asked_n, late_s, hardest_n_m))
+    speed = min(press.depth_m / plan.ramp_s, force_speed_m_s(rise_n, late_s, hardest_n_m))
 
     def rests() -> tuple[float, float]:
         force_n = level_at_rest(loop)[name][0]
         return math.dist(surface[:3], loop.monitor.pose()[:3]), force_n
 
-    way = _WayDown(loop, feels, asked_n, late_s, hardest_n_m * speed)
+    way = _WayDown(loop, feels, from_n, rise_n, late_s, hardest_n_m * speed)
     loop.go(pressed(surface, press.depth_m), speed, until=way.near)
     before_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
     before_n, doubt_n = way.felt_n, 2 * noise_n / math.sqrt(feels.readings)
@@ -92,7 +103,7 @@ def press_to_force(loop: RunLoop, surface: Pose, press: Press, asked_n: float) -
         )  # fmt: skip
         depth_m, force_n = rests()
     _note_the_force(loop, depth_m, force_n, asked_n)
-    return depth_m
+    return depth_m, force_n
 
 
 def _note_the_force(loop: RunLoop, depth_m: float, force_n: float, asked_n: float) -> None:
@@ -101,7 +112,7 @@ def _note_the_force(loop: RunLoop, depth_m: float, force_n: float, asked_n: floa
     why = (
         "that is as deep as scan.indentation_mm allows"
         if force_n < asked_n
-        else ("it stiffened while the probe slowed down")
+        else "a pulse raised it, or what stiffened while the probe slowed down"
     )
     text = f"station {loop.station + 1}: pressed to {force_n:.3g} N, {1e3 * depth_m:.2f} mm deep, "
-    loop.bus.note("warning", "engine", f"{text}and not to scan.force_n = {asked_n:g} N: {why}")
+    loop.bus.note("warning", "engine", f"{text}and not to the {asked_n:g} N asked for: {why}")

@@ -15,11 +15,11 @@ DEEP_ENOUGH_M = 5e-6
 RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 
 
-def press_to_depth(loop: RunLoop, surface: Pose, depth_m: float) -> float:
+def press_to_depth(loop: RunLoop, surface: Pose, depth_m: float, ramp_s: float) -> float:
     """Go in along the normal, then on by what the rig itself has yielded; how far [m]."""
     plan, depth = loop.plan, depth_m
     bottom = pressed(surface, depth)
-    speed = math.dist(loop.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
+    speed = math.dist(loop.monitor.pose()[:3], bottom[:3]) / ramp_s
     loop.go(bottom, speed)
     for _ in range(TOP_UPS if plan.compliance_m_per_n else 0):
         yielded_m = max(plan.compliance_m_per_n * loop.status.force_n, 0.0)

@@ -331,9 +331,10 @@ def test_a_touch_must_stand_out_of_the_noise(
 
 
 @pytest.mark.parametrize("scan_keys, sensor, level, said", [
-    ({"force_n": 0.5}, {}, "ok", "scan.force_n = 0.5 N is reached 1.0"),  # of 480 N/m
-    ({"force_n": 2.0}, {}, "warning", "force_n = 2 N is not reached: 1.23 N 2.50 mm deep"),
-    ({"force_n": 0.5}, {"noise_mn": 100.0, "rate_hz": 100.0}, "fault", "scan.force_n to 1.1 or"),
+    ({"force_n": 0.5}, {}, "ok", "0.5 N are reached 1.0"),  # of 480 N/m
+    ({"force_n": 2.0}, {}, "warning", "2 N are not reached: 1.23 N 2.50 mm deep"),
+    ({"force_n": 0.5}, {"noise_mn": 100.0, "rate_hz": 100.0}, "fault", "steps_n, to 1.1 or more"),
+    ({"steps_n": [0.6, 0.9]}, {"noise_mn": 50.0, "rate_hz": 100.0}, "fault", "0.3 N are too"),
 ])  # fmt: skip
 def test_whether_a_force_is_reached_and_shown_is_known_before(
     scan_keys: Any, sensor: Any, level: str, said: str, tmp_path: Path, winkler: Any

@@ -72,6 +72,11 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
     ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
     ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
     ("[scan]\nforce_n = 4.5\n", "force_n = 4.5: must be at most 4, 0.8 of safety.max_force_n = 5"),
+    ("[scan]\nsteps_n = [1, 4.5]\n", "steps_n = 4.5: must be at most 4, 0.8 of"),
+    ("[scan]\nsteps_n = [1, 1.05]\n", r"steps_n = \[1.0, 1.05\]: each must be 1.1 times"),
+    ("[scan]\nsteps_mm = [1, 3]\n", "steps_mm = .*: must end at most at scan.indentation_mm = 2.5"),
+    ("[scan]\nsteps_mm = [1, 1, 2]\n", r"scan.steps_mm = \[1.0, 1.0, 2.0\]: must ascend"),
+    ("[scan]\nforce_n = 1\nsteps_n = [1, 2]\n", "steps_n: a press ends by one of scan.force_n, "),
     ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
     ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
     (

@@ -101,8 +101,8 @@ def test_where_the_depth_ends_first_the_press_is_held_there_and_says_so() -> Non
     ran, _ = pressed(2.0)  # of springs that give 1 N
     assert ran.finish is Finish.COMPLETED, ran.reason
     assert ran.height_m.min() == pytest.approx(-2.5e-3, abs=1e-6)
-    (note,) = (note for note in ran.notes if "scan.force_n" in note)
-    assert note.startswith("station 1: pressed to 1 N, 2.50 mm deep, and not to scan.force_n = 2 N")
+    (note,) = (note for note in ran.notes if "asked for" in note)
+    assert note.startswith("station 1: pressed to 1 N, 2.50 mm deep, and not to the 2 N asked for")
 
 
 def test_a_force_within_the_noise_is_a_fault_and_no_press() -> None:
@@ -111,7 +111,7 @@ def test_a_force_within_the_noise_is_a_fault_and_no_press() -> None:
     sensor.noise_n = 0.1
     ran, _ = pressed(0.5, bed, sensor)
     assert ran.finish is Finish.FAULTED
-    assert "scan.force_n = 0.5 N is too little for cell" in ran.reason
+    assert "0.5 N are too little to press to by cell" in ran.reason
     assert ran.height_m.min() > -1e-6
 
 
