@@ -3,7 +3,7 @@
 import pytest
 
 from probe.core.events import Note
-from probe.core.finding_words import assumption, headline, object_line, percent
+from probe.core.finding_words import assumption, headline, hold_down_line, object_line, percent
 
 
 def thing(kind="artery", **changes):
@@ -63,3 +63,25 @@ def test_nothing_is_certain(value, said):
 @pytest.mark.parametrize("text", ["engine: blocked for 2 s", "blocked for 2 s"])
 def test_a_note_names_its_device_once(text):
     assert Note(0.0, "fault", "engine", text).words == "engine: blocked for 2 s"
+
+
+@pytest.mark.parametrize(
+    ("pulses_mn", "sd_mn", "said"),
+    [
+        ([5, 12, 7], 0.5, "12 mN, at 0.6 N, 1.00 mm deep at station 3, and 7 mN at the last"),
+        (
+            [5, 12, 11.5],
+            0.5,
+            "12 mN, at 0.6 N, 1.00 mm deep at station 3, and not less at the last",
+        ),
+        ([5, 12, 14], 0.5, "14 mN, at 0.9 N, 1.50 mm deep at station 3, and not less at the last"),
+    ],
+)
+def test_the_step_of_the_greatest_pulse_is_said_and_whether_it_falls_beyond(pulses_mn, sd_mn, said):
+    steps = [
+        {"station": 3, "depth_mm": 0.5 * (n + 1), "force_n": 0.3 * (n + 1),
+         "pulse_n": 1e-3 * pulse_mn, "pulse_sd_n": 1e-3 * sd_mn}
+        for n, pulse_mn in enumerate(pulses_mn)
+    ]  # fmt: skip
+    assert said in hold_down_line({"steps": steps, "heart_rate_bpm": 72.0})
+    assert hold_down_line({"steps": steps, "heart_rate_bpm": None}) == "", "no pulse, no greatest"

@@ -55,6 +55,16 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
     assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse" in text
 
 
+def test_presses_in_steps_have_a_table_and_a_picture(tmp_path: Path) -> None:
+    steps = [
+        {"station": 8, "depth_mm": mm, "force_n": 0.4 * mm, "pulse_n": pulse_n, "pulse_sd_n": 1e-3}
+        for mm, pulse_n in ((0.5, 0.01), (1.0, 0.02), (1.5, None))
+    ]
+    text = report(row(), started(), finding(row()) | {"steps": steps}, Path("a.run"), tmp_path)
+    assert "<td>8</td><td>1.00</td><td>0.400</td><td>20.00</td><td>1.96</td>" in text.read_text()
+    assert (tmp_path / "steps.svg").exists()
+
+
 def test_a_certain_finding_is_not_called_certain() -> None:
     reported = {"simulated": [], "finish": "completed", **finding(row())}
     reported["objects"][0]["confidence"] = 1.0
