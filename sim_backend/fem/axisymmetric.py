@@ -1,18 +1,15 @@
 """A round finger over the middle of a round block, over nothing or over a ball below it."""
 
-from contextlib import suppress
 from dataclasses import replace
-from math import ceil, isclose
+from math import isclose
 
 import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
-from sim_backend.fem.continuation import continuation
 from sim_backend.fem.elements import as_element
-from sim_backend.fem.finite_strain import Solved, bonded_way_m
+from sim_backend.fem.finite_strain import Solved, pressed
 from sim_backend.fem.mesh import block_mesh
-from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import (
     Grading,
     best_element,
@@ -21,17 +18,12 @@ from sim_backend.fem.model import (
     materials,
     ring_of,
 )
-from sim_backend.fem.newton import Load, NotConverged, unloaded
 from sim_backend.fem.revolved import revolved
 from sim_backend.fem.section import Section
 from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.table import beyond_a_file
-
-FIRST, STEP = 0.04, 0.12
-"""First depth on the way down, where single nodes come into contact, and the steps from there, over
-the finger's half width."""
 
 
 def is_round(scene: Scene, x_m: float) -> bool:
@@ -53,20 +45,8 @@ def solve_axisymmetric(
     again, but by a bonded finger. Raises `CannotSolve`.
     """
     section = build_axisymmetric(scene, radius_m, depth_m, grading)
-    if coarser is not None and not scene.indenter.bonded:
-        with suppress(NotConverged):
-            return section, [continued(coarser[0], coarser[1][0], section)]
-    if scene.indenter.bonded:
-        depths = bonded_way_m(section.finger.profile, depth_m, grading.contact_m)
-        return section, [*continuation(section, unloaded(section), [Load(d, 0.0) for d in depths])][
-            -1:
-        ]
     half_m = scene.indenter.profile.scale
-    first = min(FIRST * half_m, depth_m)
-    steps = ceil((depth_m - first) / (STEP * half_m) - 1e-9)
-    loads = [Load(first, 0.0)]
-    loads += [Load(first + (depth_m - first) * (k + 1) / steps, 0.0) for k in range(steps)]
-    return section, [list(continuation(section, unloaded(section), loads))[-1]]
+    return section, pressed(section, half_m, depth_m, [0.0], coarser=coarser)
 
 
 def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: Grading) -> Section:

@@ -6,7 +6,7 @@ displacements; forces are per length across a plane section [N/m], and [N] elsew
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
@@ -80,7 +80,8 @@ class Rules:
     are only passed may miss ``on_the_way`` times as much. ``min_step`` is the shortest share of
     the way from one load to the next. ``careful_iterations`` is 0 where no step is ever taken
     with a line search; ``push_m`` is the displacement by which an unstable state is then left,
-    over `continuation.PUSHES`.
+    over `continuation.PUSHES`. On the way down single nodes come into contact at ``first_touch``,
+    and no ``step`` from there is longer, both over the finger's half width.
     """
 
     penalty: float
@@ -89,6 +90,8 @@ class Rules:
     tolerance: float
     least_force: float
     pressure_area: float
+    step: float
+    first_touch: float = 0.0
     norm: float = np.inf
     iterations: int = 25
     careful_iterations: int = 0
@@ -227,3 +230,6 @@ class Body(Protocol):
     def carried(self, values: Array, fine: "Body") -> Array:
         """Nodal ``values`` (n, k) at the nodes of a body of the same kind and scene."""
         ...
+
+
+AnyBody = TypeVar("AnyBody", bound=Body)

@@ -1,14 +1,14 @@
-"""A press at finite strain, from the scene to its solutions."""
+"""A press at finite strain, of any kind of body: filled, lowered, or begun on a coarser mesh."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import ceil
 
-from sim_backend.fem.body import Body
-from sim_backend.fem.continuation import continuation
+from sim_backend.fem.body import AnyBody, Body
+from sim_backend.fem.continuation import continuation, judged
 from sim_backend.fem.mesh_transfer import continued
-from sim_backend.fem.model import CONTACT_SHARE, Grading, build_section
+from sim_backend.fem.model import Grading, build_section
 from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution, unloaded
 from sim_backend.fem.section import Section
 from sim_backend.scene.indenter.profile import Profile
@@ -16,12 +16,6 @@ from sim_backend.scene.scene_file import Scene
 
 Solved = tuple[Section, list[Solution]]
 
-RAMP_STEP, GENTLE_STEP = 0.2, 0.12
-"""Steps of the way down over the finger's half width; the second in plane strain and on lone
-vessels. To the same forces in 41 presses (benchmarks/random_presses.py) in plane stress, Newton's
-method takes 945 steps with 0.6 mm for every finger, 724 with 0.12, 683 with 0.17, 674 with 0.21 and
-702 with 0.26. TIHA in plane strain takes 35 with 0.12 and 58 with 0.17."""
-FIRST_TOUCH = (0.2, 0.55)
 STEPS_PER_ELEMENT = 3
 """Of a bonded finger's way down, per element that its contact's edge passes. On a block of 2.4 mm
 three leave 0.4 % of the force, where one step for all missed 10 %."""
@@ -39,46 +33,72 @@ def solve_finite(
     coarser: Solved | None = None,
     must_carry: bool = False,
 ) -> Solved:
-    """One solution per lumen pressure, ``depth_m`` deep at ``x_m``. Raises `CannotSolve`.
-
-    The lumen is filled before the press, which holds soft vessels open on the way down; the
-    answer does not depend on the order, since nothing here slides with friction. Where filling
-    first meets a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way
-    down need not be gone again, but by a bonded finger: what it touches keeps its place, so that
-    the answer is its path's, and each mesh goes its own. Where that ``must_carry`` over, what does
-    not is not solved.
-    """
+    """A section's mesh, and the press at ``x_m`` into it as by `pressed`."""
     section = build_section(
         scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
     )
-    if coarser is not None and not scene.indenter.bonded:
+    half_m = scene.indenter.profile.scale
+    return section, pressed(
+        section, half_m, depth_m, pressures_pa, coarser=coarser, must_carry=must_carry
+    )
+
+
+def pressed(
+    body: AnyBody,
+    half_m: float,
+    depth_m: float,
+    pressures_pa: Sequence[float],
+    *,
+    coarser: tuple[AnyBody, list[Solution]] | None = None,
+    must_carry: bool = False,
+    judge: bool = True,
+) -> list[Solution]:
+    """One solution per lumen pressure, ``depth_m`` deep, by a finger of half width ``half_m``.
+
+    The lumen is filled before the press, which holds soft vessels open on the way down; the answer
+    does not depend on the order, since nothing here slides with friction. Where filling first meets
+    a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way down need
+    not be gone again, but by a bonded finger: what it touches keeps its place, so that the answer
+    is its path's, and each mesh goes its own. Where that ``must_carry`` over, what does not is not
+    solved. With ``judge`` each state knows whether it is stable, where its factors decide. Raises
+    `CannotSolve`.
+    """
+    first = pressures_pa[0] if body.lumens else 0.0
+    there = None
+    if coarser is not None and not body.bonded:
         with suppress(NotConverged):
-            first_there = continued(coarser[0], coarser[1][0], section)
-            others = [Load(depth_m, p) for p in pressures_pa[1:]]
-            return section, [first_there, *continuation(section, first_there, others)]
-        if must_carry:
+            # displacements between a coarser mesh's nodes do not keep volumes: one such start is
+            # enough, and pressures are followed from there
+            there = continued(coarser[0], coarser[1][0], body)
+        if there is None and must_carry:
             raise CannotSolve(
                 "mesh", "the coarser mesh's answer does not carry over to a finer one"
             )
-    if scene.indenter.bonded:
-        contact_m = grading.contact_m if grading else CONTACT_SHARE * size_m
-        depths = bonded_way_m(section.finger.profile, depth_m, contact_m)
-    else:
-        depths = _ramp(scene, depth_m)
-    first = pressures_pa[0] if section.lumens else 0.0
-    ramp = [Load(d, first) for d in depths]
-    if first:
-        ramp.insert(0, Load(-depth_m, first))
-    rest = [Load(depth_m, p) for p in pressures_pa[1:]]
-    try:
-        solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
-    except CannotSolve as error:
-        if not first or error.limit != "limit pressure":
-            raise
-        ramp = [Load(d, 0.0) for d in depths]
-        rest = [Load(depth_m, p) for p in pressures_pa]
-        solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
-    return section, solutions[-len(pressures_pa) :]
+    if there is None:
+        there = _lowered(body, half_m, Load(depth_m, first))
+
+    def known(state: Solution) -> Solution:  # its factors serve the next state
+        return judged(body, state) if judge and state.stable is None else state
+
+    others = [Load(depth_m, p) for p in pressures_pa[1:]]
+    return [known(there), *map(known, continuation(body, there, others))]
+
+
+def _lowered(body: Body, half_m: float, goal: Load) -> Solution:
+    """Filled, then pressed; where filling meets a limit, pressed and then filled."""
+    start = unloaded(body)
+    if goal.pressure_pa:
+        try:
+            (start,) = continuation(body, start, [Load(-goal.depth_m, goal.pressure_pa)])
+        except CannotSolve as error:
+            if error.limit != "limit pressure":
+                raise
+            empty = _lowered(body, half_m, Load(goal.depth_m, 0.0))
+            return next(continuation(body, empty, [goal]))
+    if body.bonded:  # the answer is its path's, of which nothing is only passed
+        return next(down(body, start, [goal]))
+    way = [Load(d, goal.pressure_pa) for d in _way_m(body, half_m, goal.depth_m)]
+    return next(continuation(body, start, [goal], way))
 
 
 def filled(body: Body, pressure_pa: float, deepest_m: float) -> tuple[Solution, float]:
@@ -117,13 +137,11 @@ def bonded_way_m(profile: Profile, depth_m: float, contact_m: float) -> list[flo
     return [depth_m * ((k + 1) / steps) ** 2 for k in range(steps)]
 
 
-def _ramp(scene: Scene, depth_m: float) -> list[float]:
-    """Depths on the way down; nearly incompressible plane strain must be touched gently, or the
-    first contact presses single nodes and steps are halved again and again. A lone vessel is glued
-    where it comes to rest, so that its answer is a little the path's."""
-    half_m = scene.indenter.profile.scale
-    gently = scene.plane == "strain" or scene.tissue is None
-    steps = max(1, ceil(depth_m / ((GENTLE_STEP if gently else RAMP_STEP) * half_m) - 1e-9))
-    depths = [depth_m * (k + 1) / steps for k in range(steps)]
-    gentle = [s * depths[0] for s in FIRST_TOUCH] if scene.plane == "strain" else []
-    return [*gentle, *depths]
+def _way_m(body: Body, half_m: float, depth_m: float) -> list[float]:
+    """Depths on the way down to one, as the body's rules say."""
+    first_m = body.rules.first_touch * half_m
+    if depth_m <= 1.5 * first_m:
+        return []
+    steps = max(1, ceil((depth_m - first_m) / (body.rules.step * half_m) - 1e-9))
+    depths = [first_m + (depth_m - first_m) * k / steps for k in range(steps)]
+    return depths if first_m else depths[1:]

@@ -8,19 +8,16 @@ gaps and multipliers are exact. What differs between kinds of bodies is the body
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from sim_backend.arrays import Array, Bools
 from sim_backend.fem.assembly import SingularMatrix
-from sim_backend.fem.body import Body, BondedAt, Tangent
+from sim_backend.fem.body import AnyBody, Body, BondedAt, Tangent
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
 from sim_backend.fem.contact.pairs import ContactPairs
 from sim_backend.fem.descent import share_of_step
-
-AnyBody = TypeVar("AnyBody", bound=Body)
 
 PAIRS_WITH_OPEN_LUMENS = 2
 """Groups of contact pairs while all lumens are open: finger and support."""

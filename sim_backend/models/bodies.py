@@ -18,10 +18,9 @@ from sim_backend.fem.newton import Solution
 from sim_backend.fem.picture import Picture, SectionPicture
 from sim_backend.fem.section import Section
 from sim_backend.fem.solid import stress as solid_stress
-from sim_backend.fem.solid.body import SolidBody
+from sim_backend.fem.solid.body import STEP, SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.cut import Cut
-from sim_backend.fem.solid.solve import STEP
 from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n
 from sim_backend.models.response import Left
 from sim_backend.models.solid_meshes import SHARES, need_wide_taxels

@@ -8,7 +8,7 @@ import pytest
 
 from sim_backend import Scene
 from sim_backend.fem import continuation as continuation_module
-from sim_backend.fem import finite_strain, newton
+from sim_backend.fem import newton
 from sim_backend.fem import section as section_rules
 from sim_backend.fem.assembly import Assembly
 from sim_backend.fem.continuation import continuation
@@ -91,8 +91,8 @@ def test_the_way_down_belongs_to_the_finger(plane: str, monkeypatch: pytest.Monk
     larger, larger_force = pressed(2.0)
     assert len(larger) == len(steps)
     assert larger_force == pytest.approx(2 * force, rel=2e-3)  # on a mesh of its own
-    monkeypatch.setattr(finite_strain, "RAMP_STEP", 0.1)
-    monkeypatch.setattr(finite_strain, "GENTLE_STEP", 0.08)
+    monkeypatch.setattr(section_rules, "STEP", 0.1)
+    monkeypatch.setattr(section_rules, "GENTLE_STEP", 0.08)
     more, other_force = pressed(1.0)
     assert len(more) > len(steps)
     assert other_force == pytest.approx(force, rel=1e-5)
