@@ -26,7 +26,7 @@ from probe.detection.beneath.stated import sizes
 from probe.detection.finding import NARROWED
 from probe.detection.sizes import NAMES, UNITS
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.models.train_touch import SUNK, ramp
+from sim_backend.models.train_touch import SUNK, at_depths
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.bodies import Units
 from sim_backend.touch.kept import table_for
@@ -75,7 +75,9 @@ def truth(kind: str, seed: int) -> tuple[np.ndarray, Scene, np.ndarray, list[np.
         x_m = np.linspace(max(theta[0] * 5e-3 - 28e-3, 4e-3 - half_m),
                           min(theta[0] * 5e-3 + 28e-3, half_m - 4e-3), COUNT) + half_m  # fmt: skip
         try:
-            rows = [[[at.force_n_per_m for at in ramp(scene, x)] for x in x_m] for scene in scenes]
+            rows = [
+                [[at.force_n_per_m for at in at_depths(scene, x)] for x in x_m] for scene in scenes
+            ]
         except (CannotSolve, ValueError):
             seed += 1000
             continue

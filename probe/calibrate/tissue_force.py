@@ -27,7 +27,8 @@ def force_of_modulus(
     block, by default in its middle. A solid's block under a round finger is solved as a body of
     revolution."""
     from sim_backend.models.press import press  # finite elements: for nothing else here
-    from sim_backend.models.table import Asked, steady
+    from sim_backend.models.refine import Asked
+    from sim_backend.models.table import steady
 
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")

@@ -126,14 +126,14 @@ def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
     """Solve one place; a solid's pictures are of its cut at z = 0. Raises `CannotSolve`; takes
     seconds, so not in a frame."""
     # here: the window opens before the solver is loaded
-    from sim_backend.models.place import place
     from sim_backend.models.station_response import respond
+    from sim_backend.models.stations import ramp
 
     pulse = scene.pulse
     mmhg = (pulse.diastolic_mmhg, pulse.systolic_mmhg)
     depths_mm = np.linspace(0.0, max_depth_mm, DEPTHS)
     pressure_pa = np.array(mmhg) * PA_PER_MMHG
-    solved = place(scene, 1e-3 * x_mm).ramp((1e-3 * depths_mm[1:]).tolist(), pressure_pa.tolist())
+    solved = ramp(scene, 1e-3 * x_mm, (1e-3 * depths_mm[1:]).tolist(), pressure_pa.tolist())
     grid, picture = _grid(scene), solved[0].picture
     fields = [[_fields(picture, state, grid) for state in pressed.states] for pressed in solved]
     inside = fields[0][0][2]

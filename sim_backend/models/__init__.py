@@ -1,3 +1,3 @@
-"""From a scene to a force: `place` is one solved place, `table` the models to choose from,
+"""From a scene to a force: `table` chooses how a press is solved, `stations` solve a place once,
 `press` what a person asks of it.
 """

@@ -9,10 +9,10 @@ from time import perf_counter
 from sim_backend import html
 from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve, Solution
-from sim_backend.models.place import place
 from sim_backend.models.press_range import check_asked
-from sim_backend.models.refine import SMALL_PULSE, Solving
+from sim_backend.models.refine import SMALL_PULSE, Asked, Solving
 from sim_backend.models.solved import Solved
+from sim_backend.models.table import choose
 from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.taxels import TaxelArray
@@ -259,10 +259,11 @@ def press(
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     check_asked(scene, x_mm, depth_mm, pressures, accuracy_pct)
     began = perf_counter()
-    solved = place(scene, 1e-3 * x_mm).solve(
-        1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures], model=model,
-        accuracy_pct=accuracy_pct, gradient=gradient, taxels=taxels, solving=solving,
-    )  # fmt: skip
+    pressures_pa = tuple(p * PA_PER_MMHG for p in pressures)
+    asked = Asked(
+        scene, 1e-3 * x_mm, 1e-3 * depth_mm, pressures_pa, accuracy_pct, gradient, taxels, solving
+    )
+    solved = choose(asked, model)
     force_pct, pulse_pct = (float(pct) for pct in solved.error_pct)
     states = _states(solved, pressures, gradient=gradient, taxels=taxels)
     return Press(

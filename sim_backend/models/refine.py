@@ -1,13 +1,16 @@
 """Meshes refined until force and pulse converge, and the error that remains."""
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.taxels import TaxelArray
 
 ORDER = 1.6
 """The error of a mesh in tissue falls at least as this power of the size."""
@@ -18,6 +21,23 @@ WORTHLESS_PCT = 50.0
 
 Solving = Callable[[str], None]
 """Receives a line about what is to be solved next."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A press ``depth_m`` deep at ``x_m`` [m], one state per lumen pressure, and what is wanted of
+    it. ``solving`` receives a line about each mesh before it is solved."""
+
+    scene: Scene
+    x_m: float
+    depth_m: float
+    pressures_pa: Sequence[float] = (0.0,)
+    accuracy_pct: float = 1.0
+    gradient: bool = False
+    taxels: TaxelArray | None = None
+    solving: Solving = lambda _what: None
+
+
 Meshed = tuple[Any, list[Solution]]
 """A body on one mesh, and its states."""
 Floor = tuple[Array, float]
@@ -40,67 +60,63 @@ class Refined:
         return bool((error_pct / budget_pct).max() <= (self.error_pct / budget_pct).max())
 
 
-class Meshes(Protocol):
+@dataclass(frozen=True)
+class Meshes(ABC):
     """The meshes of a press, by their elements' ``share`` of a length of the finger."""
 
+    asked: Asked
+
     @property
+    @abstractmethod
     def name(self) -> str:
         """What is solved, for a person."""
-        ...
 
     @property
+    @abstractmethod
     def first_share(self) -> float:
         """Of the first mesh."""
-        ...
 
+    @abstractmethod
     def contact_m(self, share: float) -> float:
         """Element size in the contact [m]."""
-        ...
 
+    @abstractmethod
     def solve(self, share: float, coarser: Meshed | None, *, stated: bool) -> Meshed:
         """The press on a mesh; ``stated`` says that two coarser ones have stated their errors.
         Raises `CannotSolve`."""
-        ...
 
+    @abstractmethod
     def next_share(
         self, share: float, solved: Meshed, finer: float | None, budget_pct: Array
     ) -> float | None:
         """Of the mesh after ``solved``, where one ``finer`` by so much would do (None where only
         one is known); None where no mesh is worth it."""
-        ...
 
     def left_pct(self, changed_pct: Array, ratio: float) -> Floor:
         """What a mesh misses that changed so much from one ``ratio`` times as coarse."""
-        ...
+        return changed_pct / (ratio**ORDER - 1), ORDER
 
+    @abstractmethod
     def floors_pct(self, share: float, solved: Meshed) -> list[Floor]:
         """What it misses at least: two meshes may agree by chance."""
-        ...
 
-    def rough_pct(self, solved: Meshed) -> float:
+    def rough_pct(self, solved: Meshed) -> float:  # noqa: ARG002
         """What of the pulse no finer mesh mends [%]."""
-        ...
+        return 0.0
 
 
-def refine(
-    meshes: Meshes,
-    budget_pct: Array,
-    near: Meshed | None = None,
-    *,
-    solving: Solving = lambda _what: None,
-) -> Refined:
+def refine(meshes: Meshes, budget_pct: Array, near: Meshed | None = None) -> Refined:
     """Solve on ever finer ``meshes`` until the errors left are within ``budget_pct`` (force,
     pulse). Where a finer mesh states more than a coarser one, and does not show that to be wrong,
     the coarser one's answer and error are kept.
 
     The first mesh begins at what was solved ``near`` to it, where that is known. A mesh too fine to
-    be solved, or to be worth it, ends the refinement too. ``solving`` receives a line about each
-    mesh before it is solved. Raises `CannotSolve`.
+    be solved, or to be worth it, ends the refinement too. Raises `CannotSolve`.
     """
     share, error_pct = meshes.first_share, np.full(2, np.inf)
 
     def solve(coarser: Meshed | None) -> Meshed:
-        solving(mesh_in_words(meshes.name, meshes.contact_m(share), error_pct))
+        meshes.asked.solving(mesh_in_words(meshes.name, meshes.contact_m(share), error_pct))
         return meshes.solve(share, coarser, stated=bool(np.isfinite(error_pct).all()))
 
     solved = solve(near)

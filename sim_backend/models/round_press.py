@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.model import half_contact
-from sim_backend.fem.newton import Solution
-from sim_backend.fem.section import Section
-from sim_backend.models.refine import Solving, refine
+from sim_backend.models.refine import Asked, Refined, refine
 from sim_backend.models.section_meshes import SectionMeshes
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -36,38 +35,46 @@ def least_round_m(scene: Scene, depth_m: float) -> float:
     return half_contact(finger, depth_m)
 
 
-def holds_a_round_block(scene: Scene, x_m: float, depth_m: float) -> bool:
-    """Whether a round block that says something of the press fits into the scene's."""
-    return round_radii_m(scene, x_m)[0] >= least_round_m(scene, depth_m)
+def holds_a_round_block(asked: Asked) -> bool:
+    """Whether all is round about the place, and a round block that says something of the press fits
+    into the scene's."""
+    scene, x_m = asked.scene, asked.x_m
+    return is_round(scene, x_m) and round_radii_m(scene, x_m)[0] >= least_round_m(
+        scene, asked.depth_m
+    )
 
 
-def refine_axisymmetric(
-    scene: Scene,
-    x_m: float,
-    depth_m: float,
-    accuracy_pct: float,
-    solving: Solving = lambda _what: None,
-) -> tuple[Section, Solution, float]:
-    """A press over round things by a body of revolution, its force and its error [%].
+def refine_axisymmetric(asked: Asked) -> Refined:
+    """A press over round things by a body of revolution.
 
     The block lies between the round one that fits into it and the round one that holds it. The
-    force is the mean of both; half of their difference is the block's part of the error.
-    Raises `SceneError` nearer to a side or an end than `least_round_m`, and `CannotSolve`.
+    force is the mean of both; half of their difference is the block's part of the error. Raises
+    `SceneError` where nothing is round or nearer to a side or an end than `least_round_m`, and
+    `CannotSolve`.
     """
-    inner, outer = round_radii_m(scene, x_m)
-    if inner < (least := least_round_m(scene, depth_m)):
+    scene = asked.scene
+    if not is_round(scene, asked.x_m):
+        raise SceneError(
+            f"model = 'axisymmetric': scene {scene.name} is a solid, to be solved as solid, "
+            "or as axisymmetric under a sphere or a round flat, over nothing or over one ball "
+            "right below"
+        )
+    radii = inner, _ = round_radii_m(scene, asked.x_m)
+    if inner < (least := least_round_m(scene, asked.depth_m)):
         raise SceneError(
             f"model = 'axisymmetric': {1e3 * inner:.3g} mm from a side or an end of {scene.name}, "
             f"less than the {1e3 * least:.3g} mm that the finger touches to either side: press "
             "further inside, or take model = 'solid'"
         )
-    budget = np.array([max(0.3 * accuracy_pct, 0.05), np.inf])
-    blocks = [SectionMeshes("axisymmetric", scene, r, depth_m, [0.0]) for r in (inner, outer)]
-    small = refine(blocks[0], budget, solving=solving)
-    large = refine(blocks[1], budget, small.solved, solving=solving)
+    budget = np.array([max(0.3 * asked.accuracy_pct, 0.05), np.inf])
+    empty = replace(asked, pressures_pa=(0.0,))
+    blocks = [SectionMeshes(replace(empty, x_m=r), "axisymmetric") for r in radii]
+    small = refine(blocks[0], budget)
+    large = refine(blocks[1], budget, small.solved)
     (section, (low,)), (_, (high,)) = small.solved, large.solved
     forces = np.array([low.force, high.force])
     force_n = float(forces.mean())
     block_pct = 50 * abs(float(np.ptp(forces))) / max(abs(force_n), 1e-12)
     mesh_pct = max(float(small.error_pct[0]), float(large.error_pct[0]))
-    return section, replace(low, force=force_n), block_pct + mesh_pct
+    states = [replace(low, force=force_n)] * len(asked.pressures_pa)
+    return Refined((section, states), np.array([block_pct + mesh_pct, 0.0]))

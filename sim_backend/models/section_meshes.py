@@ -15,7 +15,7 @@ from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, Solution
 from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
-from sim_backend.models.refine import ORDER, Floor, Meshed, pulse
+from sim_backend.models.refine import ORDER, Floor, Meshed, Meshes, pulse
 from sim_backend.scene.scene_file import Scene
 
 FIRST_SHARE, SECOND_SHARE, SMALLEST_SHARE = 0.5, 0.35, 0.01
@@ -60,15 +60,15 @@ COARSEST, COARSEST_POWER = 0.3, 0.5
 
 
 @dataclass(frozen=True)
-class SectionMeshes:
-    """`sim_backend.models.refine.Meshes` of a press ``depth_m`` deep at ``x_m`` [m] by a
-    ``model``: finite or small; or axisymmetric, ``x_m`` being the radius of the round block."""
+class SectionMeshes(Meshes):
+    """Those of a press by a ``model``: finite or small; or axisymmetric, without pressure, and the
+    place asked for being the radius [m] of the round block."""
 
     model: str
-    scene: Scene
-    x_m: float
-    depth_m: float
-    pressures_pa: Sequence[float]
+
+    @property
+    def scene(self) -> Scene:
+        return self.asked.scene
 
     @property
     def half_m(self) -> float:
@@ -92,16 +92,16 @@ class SectionMeshes:
     def solve(self, share: float, coarser: Meshed | None, *, stated: bool) -> Solved:
         size_m = share * self.half_m
         grading = mesh_grading(self.scene, size_m, share)
-        place = self.scene, self.x_m, self.depth_m
+        place = self.scene, self.asked.x_m, self.asked.depth_m
         if self.model == "axisymmetric":
             return solve_axisymmetric(*place, grading, coarser)
         if self.model == "small":
-            return solve_small(*place, self.pressures_pa, size_m, grading=grading)
+            return solve_small(*place, self.asked.pressures_pa, size_m, grading=grading)
         # not all the way down again where walls fold: a finer mesh may find no way past the folds
         # in a minute, and no pulse is stated better there than two meshes tell it
         must_carry = stated and coarser is not None and _folded(coarser)
         return solve_finite(
-            *place, self.pressures_pa, size_m, grading=grading, coarser=coarser,
+            *place, self.asked.pressures_pa, size_m, grading=grading, coarser=coarser,
             must_carry=must_carry,
         )  # fmt: skip
 
@@ -113,7 +113,7 @@ class SectionMeshes:
             return None
         most = MOST_FINER
         if finer is None:
-            floor_pct = np.maximum(FLOOR_PCT * [1.0, len(self.pressures_pa) > 1], 1e-9)
+            floor_pct = np.maximum(FLOOR_PCT * [1.0, len(self.asked.pressures_pa) > 1], 1e-9)
             finer = share / min(float(np.sqrt((budget_pct / floor_pct).min())), SECOND_SHARE)
             if not _folded(solved) and finer <= min(SECOND_FINER, room):
                 most = SECOND_FINER
@@ -139,7 +139,7 @@ class SectionMeshes:
         flat = max(flatness(section.lumens, state.displacement) for state in states)
         by_pressure = FLOOR_PCT[1] * share**2 * (flat**2 if in_tissue else 1.0)
         if self.model == "finite":
-            by_pressure = by_pressure * steepness(section, states, self.pressures_pa)
+            by_pressure = by_pressure * steepness(section, states, self.asked.pressures_pa)
         else:
             by_pressure = by_pressure * np.array([0.0, len(states) > 1])
         least_pct = np.maximum([FLOOR_PCT[0] * share**2, 0.0], by_pressure)

@@ -1,14 +1,14 @@
 """The meshes of a press into a solid, and what each misses."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.solid.build import MOST_UNKNOWNS, half_width_m
 from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
-from sim_backend.models.refine import ORDER, Floor, Meshed
+from sim_backend.models.refine import Floor, Meshed, Meshes
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.taxels import TaxelArray
 
@@ -30,26 +30,23 @@ of the body of revolution, and of 1 element they are 4.4 % lopsided."""
 
 
 @dataclass(frozen=True)
-class SolidMeshes:
-    """`sim_backend.models.refine.Meshes` of a press ``depth_m`` deep at (``x_m``, z = 0) [m]."""
+class SolidMeshes(Meshes):
+    """Those of a press at z = 0."""
 
-    scene: Scene
-    x_m: float
-    depth_m: float
-    pressures_pa: Sequence[float]
-    name: str = "a solid in three dimensions"
-    first_share: float = SHARES[0]
+    name: ClassVar[str] = "a solid in three dimensions"
+    first_share: ClassVar[float] = SHARES[0]
 
     def contact_m(self, share: float) -> float:
-        return share * half_width_m(self.scene)
+        return share * half_width_m(self.asked.scene)
 
     def solve(self, share: float, coarser: Meshed | None, *, stated: bool) -> SolvedSolid:  # noqa: ARG002
         # no first mesh without a second, which shows its error; how large finer ones are is
         # foreseen
         first = coarser is None
         most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** GROWTH[0] if first else np.inf
+        asked = self.asked
         return solve_solid(
-            self.scene, self.x_m, self.depth_m, self.pressures_pa, self.contact_m(share),
+            asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa, self.contact_m(share),
             coarser=coarser, most_unknowns=most, judge=not first,
         )  # fmt: skip
 
@@ -62,14 +59,8 @@ class SolidMeshes:
         foreseen = len(solved[0].free) * (share / SHARES[k + 1]) ** GROWTH[k]
         return SHARES[k + 1] if foreseen <= MOST_UNKNOWNS else None
 
-    def left_pct(self, changed_pct: Array, ratio: float) -> Floor:
-        return changed_pct / (ratio**ORDER - 1), ORDER
-
     def floors_pct(self, share: float, solved: Meshed) -> list[Floor]:
         return [(FLOOR_PCT * share**2 * np.array([1.0, len(solved[1]) > 1]), 2.0)]
-
-    def rough_pct(self, solved: Meshed) -> float:  # noqa: ARG002
-        return 0.0
 
 
 def need_wide_taxels(scene: Scene, taxels: TaxelArray, share: float) -> None:

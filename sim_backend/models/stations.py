@@ -28,7 +28,9 @@ from sim_backend.models.bodies import BodyKind, body_of
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table
 from sim_backend.models.response import Curve, Station, StationResponse, levels_pa
+from sim_backend.models.solved import Solved
 from sim_backend.models.taxel_shares import TaxelShares, at_depths
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.taxels import TaxelArray
 
 AT_SYSTOLE = (0, 2, 4)
@@ -175,6 +177,27 @@ def _taxels(
                 for state, crest in beats]  # fmt: skip
         by_pressure = at_depths(sunk([state for state, _ in beats]), np.array(each), sunk(seen))
     return dict(zip(TAXELS, (sunk(seen), rest, by_pressure), strict=True))
+
+
+def ramp(
+    scene: Scene, x_m: float, depths_m: Sequence[float], pressures_pa: Sequence[float]
+) -> list[Solved]:
+    """At each of increasing depths the body with each of ``pressures_pa`` in the lumens, all on the
+    mesh of the place's station and by the model of its presses at all depths; errors are not known
+    (NaN). Raises `CannotSolve`."""
+    deepest_m, kind = float(depths_m[-1]), body_of(scene)
+    body = kind.body_for(scene, x_m, deepest_m)
+    levels = [float(p) for p in pressures_pa] if body.lumens else [0.0]
+    start, _ = filled(body, levels[0], deepest_m)
+    solved = []
+    for state in down(body, start, [Load(float(d), levels[0]) for d in depths_m]):
+        more = continuation(body, state, [Load(state.load.depth_m, p) for p in levels[1:]])
+        states = (state, *more) if body.lumens else (state,) * len(pressures_pa)
+        solved.append(Solved(
+            scene, x_m, kind.model, kind, body, states, np.full(2, np.nan),
+            "on one mesh for all depths",
+        ))  # fmt: skip
+    return solved
 
 
 def _steps(depths: Sequence[float], longest_m: float) -> list[float]:

@@ -4,24 +4,21 @@ Each entry says what it costs and what it may be off by. A press that turns out 
 asked for is solved again by the next entry.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.axisymmetric import is_round
-from sim_backend.fem.body import Body
-from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve
 from sim_backend.models.bodies import REVOLVED, SECTION, SOLID, BodyKind, body_of
-from sim_backend.models.refine import Solving, refine
+from sim_backend.models.refine import Asked, Refined, refine
 from sim_backend.models.round_press import holds_a_round_block, refine_axisymmetric
 from sim_backend.models.section_meshes import SectionMeshes
 from sim_backend.models.solid_meshes import SHARES, SolidMeshes, need_wide_taxels
 from sim_backend.models.solved import Solved
 from sim_backend.scene.scene_file import Scene, SceneError
-from sim_backend.scene.taxels import TaxelArray
 
 SMALL_PCT, SMALL_POWER = 45.0, 1.35
 """Bound of what small strain misses of the force, over the depth in half widths of the finger. Over
@@ -33,25 +30,6 @@ SMALL_PULSE_PCT = 75.0
 misses 46 % at 0.05 mm, 50 % at 0.5 mm, 59 % at 1.5 mm and 68 % at 2.5 mm."""
 SELF_CONTACT_PCT = 3.0
 """Error of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A press ``depth_m`` deep at ``x_m`` [m], one state per lumen pressure, and what is wanted of
-    it. ``solving`` receives a line about what is solved next."""
-
-    scene: Scene
-    x_m: float
-    depth_m: float
-    pressures_pa: Sequence[float]
-    accuracy_pct: float = 1.0
-    gradient: bool = False
-    taxels: TaxelArray | None = None
-    solving: Solving = lambda _what: None
-
-
-Answer = tuple[Body, Sequence[Solution], Array]
-"""Body, states, and the errors (force, pulse) [%] that meshes leave."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +50,7 @@ class Model:
     cost: float
     usual_pct: float
     gradient: bool
-    solve: Callable[[Asked, Array], Answer]
+    solve: Callable[[Asked, Array], Refined]
     why: str = ""
     offered: Callable[[Asked], bool] = lambda _: True
     own_pct: Callable[[Asked], tuple[float, float]] = lambda _: (0.0, 0.0)
@@ -81,10 +59,11 @@ class Model:
         """The press by this model. Raises `CannotSolve`, and `SceneError` where it cannot be."""
         own_pct = np.array(self.own_pct(asked))
         left_pct = np.maximum(asked.accuracy_pct - own_pct, asked.accuracy_pct / 2)
-        body, states, mesh_pct = self.solve(asked, left_pct)
+        refined = self.solve(asked, left_pct)
+        body, states = refined.solved
         closed = any(len(state.multiplier) > PAIRS_WITH_OPEN_LUMENS for state in states)
         least_pct = SELF_CONTACT_PCT if closed and len(states) > 1 else 0.0
-        error_pct = np.maximum(own_pct + mesh_pct, [0.0, least_pct])
+        error_pct = np.maximum(own_pct + refined.error_pct, [0.0, least_pct])
         return Solved(
             asked.scene, asked.x_m, self.name, self.kind, body, tuple(states), error_pct, why,
             self.gradient,
@@ -94,7 +73,15 @@ class Model:
 def choose(asked: Asked, name: str = "auto") -> Solved:
     """The press by the cheapest model that keeps the accuracy asked for, or by the one named.
 
-    Raises `SceneError` for a model that the scene, or its gradient, cannot have, and `CannotSolve`.
+    Raises `SceneError` for a model that the scene, or its gradient, cannot have, and `CannotSolve`,
+    which names the limit that physics set.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> solved = choose(Asked(palpate.load_scene("TI"), 0.032, 1e-3, accuracy_pct=5))
+    >>> 0.2 < solved.force_n[0] < 0.4, solved.gradient["tissue.modulus_kpa"][0] > 0
+    (True, True)
     """
     models, rougher = _models(asked, name), ""
     for model in models:
@@ -159,36 +146,18 @@ def _small_pct(asked: Asked) -> tuple[float, float]:
     return float(pct), SMALL_PULSE_PCT if beats else 0.0
 
 
-def _refined_section(model: str, asked: Asked, left_pct: Array) -> Answer:
-    meshes = SectionMeshes(model, asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
-    refined = refine(meshes, left_pct, solving=asked.solving)
-    return *refined.solved, refined.error_pct
+def _refined_section(model: str, asked: Asked, left_pct: Array) -> Refined:
+    return refine(SectionMeshes(asked, model), left_pct)
 
 
-def _is_round(asked: Asked) -> bool:
-    place = asked.scene, asked.x_m
-    return is_round(*place) and holds_a_round_block(*place, asked.depth_m)
+def _refined_round(asked: Asked, _left_pct: Array) -> Refined:
+    return refine_axisymmetric(asked)
 
 
-def _refined_round(asked: Asked, _left_pct: Array) -> Answer:
-    if not is_round(asked.scene, asked.x_m):
-        raise SceneError(
-            f"model = 'axisymmetric': scene {asked.scene.name} is a solid, to be solved as solid, "
-            "or as axisymmetric under a sphere or a round flat, over nothing or over one ball "
-            "right below"
-        )
-    body, state, force_pct = refine_axisymmetric(
-        asked.scene, asked.x_m, asked.depth_m, asked.accuracy_pct, asked.solving
-    )
-    return body, [state] * len(asked.pressures_pa), np.array([force_pct, 0.0])
-
-
-def _refined_solid(asked: Asked, left_pct: Array) -> Answer:
+def _refined_solid(asked: Asked, left_pct: Array) -> Refined:
     if asked.taxels:
         need_wide_taxels(asked.scene, asked.taxels, SHARES[1])
-    meshes = SolidMeshes(asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
-    refined = refine(meshes, left_pct, solving=asked.solving)
-    return *refined.solved, refined.error_pct
+    return refine(SolidMeshes(asked), left_pct)
 
 
 MODELS = (
@@ -197,7 +166,7 @@ MODELS = (
     Model("finite", SECTION, SECTION, 1.0, 0.2, True, partial(_refined_section, "finite"),
           "the cheapest model for this scene"),
     Model("axisymmetric", SOLID, REVOLVED, 0.3, 1.0, False, _refined_round,
-          "finger and block are round, and nothing lies aside of them", _is_round),
+          "finger and block are round, and nothing lies aside of them", holds_a_round_block),
     Model("solid", SOLID, SOLID, 30.0, 3.0, True, _refined_solid,
           "finger, block and what lies below are not round about one axis"),
 )  # fmt: skip

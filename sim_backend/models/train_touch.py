@@ -16,8 +16,8 @@ from scipy.optimize import minimize
 from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.sensitivity import gradients
-from sim_backend.models.place import place
 from sim_backend.models.solved import Solved
+from sim_backend.models.stations import ramp
 from sim_backend.scene.numbers import numbers
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -152,7 +152,7 @@ def _pressed(kind: Kind, units: Units, theta: Array, x: float) -> tuple[Array, A
     scene, unit, count = units.scene((kind, theta)), units.force_n_per_m, 1 + kind.beats
     by_parameters = [_by_parameters(kind, units, theta, end) for end in range(count)]
     force, slope = np.zeros((len(SUNK), count)), np.zeros((len(SUNK), len(theta) + 1, count))
-    for k, solved in enumerate(ramp(scene, 1e-3 * units.place_mm(x, theta))):
+    for k, solved in enumerate(at_depths(scene, 1e-3 * units.place_mm(x, theta))):
         for end, state in enumerate(solved.states[:count]):
             force[k, end] = state.force / unit
             by = gradients(solved.body, state, scene, list(by_parameters[end]))
@@ -192,11 +192,11 @@ def _numbers(kind: Kind, units: Units, theta: Array, sunk: float, end: int) -> d
     }  # fmt: skip
 
 
-def ramp(scene: Scene, x_m: float) -> list[Solved]:
+def at_depths(scene: Scene, x_m: float) -> list[Solved]:
     """At each depth the state at diastole and at systole."""
     depths_m = SUNK * 0.5e-3 * scene.indenter.width_mm_projected
     beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
-    return place(scene, x_m).ramp(depths_m.tolist(), [PA_PER_MMHG * p for p in beat])
+    return ramp(scene, x_m, depths_m.tolist(), [PA_PER_MMHG * p for p in beat])
 
 
 def trained(kind: Kind, samples: Samples) -> Ratios:

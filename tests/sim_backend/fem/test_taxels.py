@@ -19,7 +19,7 @@ from sim_backend.fem.section import Section
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n
-from sim_backend.models.refine import refine
+from sim_backend.models.refine import Asked, refine
 from sim_backend.models.round_press import refine_axisymmetric
 from sim_backend.models.section_meshes import SectionMeshes, mesh_grading
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
@@ -39,7 +39,7 @@ def columns(section: Section, solution: Solution, edges_m: Array = EDGES_M) -> A
 @pytest.mark.parametrize("depth_m", [0.5e-3, 1.0e-3, 3.0e-3])
 def test_taxels_over_the_middle_of_a_vessel(depth_m: float) -> None:
     scene = load_scene("TIHA")
-    meshes = SectionMeshes("finite", scene, 0.032, depth_m, LEVELS_PA)
+    meshes = SectionMeshes(Asked(scene, 0.032, depth_m, LEVELS_PA), "finite")
     section, solutions = refine(meshes, np.array([1.0, 1.0])).solved
     for solution in solutions:
         found = columns(section, solution)
@@ -99,7 +99,7 @@ def test_taxels_of_a_solid_are_those_of_the_body_of_revolution() -> None:
     found = solid_taxels_n(body, pressed, *edges_m, 0.0)
     assert found.sum() == pytest.approx(pressed.force, rel=1e-12)
     np.testing.assert_allclose(found, found[::-1], rtol=1e-9)  # of which one half was solved
-    section, turned, _ = refine_axisymmetric(scene, 0.012, 1e-3, 1.0)
+    section, (turned,) = refine_axisymmetric(Asked(scene, 0.012, 1e-3)).solved
     round_n = section_taxels_n(section, turned, *edges_m, 0.0)
     assert round_n.sum() == pytest.approx(turned.force, rel=1e-9)
     np.testing.assert_allclose(round_n, round_n.T, atol=1e-6 * round_n.max())

@@ -14,7 +14,7 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import CannotSolve, Load, NotConverged, unloaded
 from sim_backend.models import section_meshes as refining
-from sim_backend.models.refine import ORDER, Refined
+from sim_backend.models.refine import ORDER, Asked, Refined
 from sim_backend.models.refine import refine as refine_meshes
 from sim_backend.models.section_meshes import ENTERING_PCT, FLOOR_PCT, SectionMeshes, mesh_grading
 from sim_backend.scene.scene_file import load_scene
@@ -24,7 +24,7 @@ HALF_M = 0.5e-3 * BLOCK.indenter.width_mm_projected
 
 
 def refine(model, scene, x_m, depth_m, pressures_pa, budget_pct) -> Refined:
-    return refine_meshes(SectionMeshes(model, scene, x_m, depth_m, pressures_pa), budget_pct)
+    return refine_meshes(SectionMeshes(Asked(scene, x_m, depth_m, pressures_pa), model), budget_pct)
 
 
 def converging(missed: float, order: float = ORDER, contacts: int = 2, high: float = 120.0,

@@ -16,7 +16,7 @@ from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.models import round_press, solid_meshes, table
 from sim_backend.models.press import press
-from sim_backend.models.refine import Refined, refine
+from sim_backend.models.refine import Asked, Refined, refine
 from sim_backend.models.solid_meshes import SHARES, SolidMeshes
 from sim_backend.scene.scene_file import SceneError, scene_from_text
 
@@ -34,9 +34,9 @@ def test_both_round_blocks_lie_within_the_stated_error(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(round_press, "refine", refined)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    _, solution, error_pct = round_press.refine_axisymmetric(scene, 32e-3, 1e-3, 1.0)
-    assert solution.force == pytest.approx(1.0)
-    assert error_pct == pytest.approx(10.0)
+    refined = round_press.refine_axisymmetric(Asked(scene, 32e-3, 1e-3))
+    assert refined.solved[1][0].force == pytest.approx(1.0)
+    assert refined.error_pct == pytest.approx([10.0, 0.0])
 
 
 @pytest.mark.parametrize("pressures_pa", [(0.0,), (80.0, 120.0)])
@@ -48,7 +48,7 @@ def test_meshes_that_agree_by_chance_do_not_state_no_error(
 
     monkeypatch.setattr(solid_meshes, "solve_solid", solved)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    meshes = SolidMeshes(scene, 0.0, 1e-3, pressures_pa)
+    meshes = SolidMeshes(Asked(scene, 0.0, 1e-3, pressures_pa))
     force_pct, pulse_pct = refine(meshes, np.full(2, 5.0)).error_pct
     assert 1.7 < force_pct < 3.0  # a cylinder's second mesh missed as much
     assert 1.7 < pulse_pct < 3.0 if len(pressures_pa) > 1 else pulse_pct == 0.0
@@ -68,7 +68,7 @@ def test_no_mesh_is_begun_that_would_be_too_large(
 
     monkeypatch.setattr(solid_meshes, "solve_solid", solved)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    refine(SolidMeshes(scene, 0.0, 1e-3, [0.0]), np.full(2, 1.0))
+    refine(SolidMeshes(Asked(scene, 0.0, 1e-3)), np.full(2, 1.0))
     assert len(sizes_m) == meshes
 
 
@@ -97,7 +97,8 @@ def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
     finger: str, x_mm: float, z_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def roughly(meshes: Any, *_given: Any, **_more: Any) -> Any:
-        solved = solve_solid(meshes.scene, meshes.x_m, meshes.depth_m, meshes.pressures_pa, 4e-3)
+        asked = meshes.asked
+        solved = solve_solid(asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa, 4e-3)
         return Refined(solved, np.array([1.0, 0.0]))
 
     monkeypatch.setattr(table, "refine", roughly)

@@ -10,10 +10,10 @@ from soft_walls import soft_walled
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.newton import CannotSolve, Load, unloaded
 from sim_backend.models.bodies import section_for
-from sim_backend.models.place import place
 from sim_backend.models.press import press, scene_pressures_mmhg
 from sim_backend.models.response import levels_pa
 from sim_backend.models.station_response import respond
+from sim_backend.models.stations import ramp
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -77,7 +77,7 @@ def test_between_solved_states_taxels_are_the_elements_own() -> None:
     rest, low, high = levels_pa(scene)
     depths = DEPTH_M * np.array([0.3, 0.47, 0.92, 1.0])
     exact = [solved.taxels_n(array)[:, 0] for solved in
-             place(scene, x_m).ramp(list(depths), [rest, low, high])]  # fmt: skip
+             ramp(scene, x_m, list(depths), [rest, low, high])]  # fmt: skip
     taxels = np.array([
         [found.force_n(x_m, depth, p) * found.shares(x_m, np.array([depth]), np.array([p]))[0, 0]
          for p in (rest, low, high)] for depth in depths
