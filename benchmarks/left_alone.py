@@ -100,11 +100,11 @@ class Spring:
     def __init__(self, stiffness_n_mm: float) -> None:
         self.n_m = 1e3 * stiffness_n_mm
 
-    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         return np.asarray(np.maximum(depth_m + 0.0 * np.asarray(pressure_pa), 0.0) * self.n_m)
 
-    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
-        return self.force_n(x_m, depth_m, pressure_pa) / 1e-4
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
+        return self.force_n(depth_m, pressure_pa) / 1e-4
 
     def __call__(self, _scene: Scene, _x_m: float, _depth_m: float) -> "Spring":
         return self

@@ -67,7 +67,7 @@ ANSWERS = (
 class Beating:
     """A spring under the tip that a pulse moves."""
 
-    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         """Force [N], 0 in the air."""
         pressed = depth_m > 0
         return np.asarray(pressed * (SPRING_N_M * depth_m + PULSE_N_PA * pressure_pa))

@@ -85,7 +85,7 @@ def solved(scene: Scene, x_mm: Array, depth_m: float, file: Path) -> Array:
             beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
             beat_pa = [PA_PER_MMHG * p for p in beat]
             felt = np.array([
-                respond(scene, x, depth_m).force_n(x, depth_m, beat_pa) for x in 1e-3 * x_mm
+                respond(scene, x, depth_m).force_n(depth_m, beat_pa) for x in 1e-3 * x_mm
             ])  # fmt: skip
             np.save(file, np.array([felt[:, 0], felt[:, 1] - felt[:, 0]]))
         except CannotSolve:

@@ -56,8 +56,8 @@ def station(place: tuple[Scene, float]) -> np.ndarray:
     wave = load_wave(scene.pulse)
     beat = np.arange(0.0, wave.period_s, 1 / 500)
     rest = np.full_like(RAMP, float(wave.pressure_pa(np.zeros(1))[0]))
-    down = response.force_n(x, RAMP, rest)
-    return np.concatenate([down, response.force_n(x, np.full_like(beat, DEPTH_M),
+    down = response.force_n(RAMP, rest)
+    return np.concatenate([down, response.force_n(np.full_like(beat, DEPTH_M),
                                                   wave.pressure_pa(beat))])  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def finite(scene: Scene, workers: int) -> Row:
     length_m = 1e-3 * scene.indenter.length_mm
     off = []
     for x in (16e-3, 24e-3, 32e-3):
-        low, high = respond(scene, x, DEPTH_M).force_n(x, np.full(2, DEPTH_M), np.array(levels))
+        low, high = respond(scene, x, DEPTH_M).force_n(np.full(2, DEPTH_M), np.array(levels))
         _, found = solve_finite(scene, x, DEPTH_M, levels, element_size_m(scene) / 3)
         a, b = (length_m * one.force_n_per_m for one in found)
         off.append((100 * abs(low / a - 1), 100 * abs((high - low) / (b - a) - 1)))

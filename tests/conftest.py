@@ -86,14 +86,14 @@ class Winkler:
     area_m2: float
     array: TaxelArray | None = None
 
-    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         depth = np.maximum(depth_m, 0.0)
         return self.stiffness_n_m * depth + self.area_m2 * pressure_pa * depth / 2.5e-3
 
-    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
-        return self.force_n(x_m, depth_m, pressure_pa) / 1e-4
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
+        return self.force_n(depth_m, pressure_pa) / 1e-4
 
-    def shares(self, _x_m: float, depth_m: Array, _pressure_pa: Array) -> Array:
+    def shares(self, depth_m: Array, _pressure_pa: Array) -> Array:
         """More to the right in each row."""
         row = np.arange(1.0, self.array.columns + 1)
         one = np.tile(row / (row.sum() * self.array.rows), (self.array.rows, 1))

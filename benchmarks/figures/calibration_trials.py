@@ -208,7 +208,7 @@ def solved(model: str) -> tuple[Forward, float, PchipInterpolator]:
     deepest = DEEPEST_M[model]
     depths = np.linspace(0, 1.02 * deepest, 26)
     if model == "finite":
-        other = respond(scene, 0.032, float(depths[-1])).force_n(0.032, depths, np.zeros(1))
+        other = respond(scene, 0.032, float(depths[-1])).force_n(depths, np.zeros(1))
     else:
         per_mm = [
             press(scene, 32.0, 1e3 * d, model="small", accuracy_pct=0.2).states[0].force_n_per_mm

@@ -53,12 +53,12 @@ class Under:
     def __init__(self, stiffness_n_m: float) -> None:
         self.stiffness_n_m = stiffness_n_m
 
-    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         depth = np.maximum(np.asarray(depth_m) + 0.0 * np.asarray(pressure_pa), 0.0)
         return np.asarray(self.stiffness_n_m * depth)
 
-    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
-        return self.force_n(x_m, depth_m, pressure_pa) / 1e-4
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
+        return self.force_n(depth_m, pressure_pa) / 1e-4
 
     def __call__(self, _scene: Scene, _x_m: float, _depth_m: float) -> Response:
         return self

@@ -215,7 +215,7 @@ def _solved_press(plan: Plan, place: Place, scene: Scene, respond: Respond) -> E
     beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
     section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)
     depth = np.linspace(0.0, plan.indentation_m, 201)
-    each = np.stack([section.force_n(place.x_m, depth, np.full(201, at))
+    each = np.stack([section.force_n(depth, np.full(201, at))
                      for at in (beat.min(), beat.max())])  # fmt: skip
     most = each.max(axis=0)
     end = 200 if plan.force_n is None else min(int(np.searchsorted(most, plan.force_n)), 200)

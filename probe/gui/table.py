@@ -44,7 +44,7 @@ class Table:
     ``x_mm`` (columns,), ``y_mm`` (rows,) upwards from the support; ``inside`` (rows, columns) is
     material at rest. ``came_mm`` (d, 2, rows, columns, 2) is how far what is at a point has come,
     ``von_mises_pa`` (d, 2, rows, columns) belongs to the place at rest, ``contact_mm`` (d, 2, 2).
-    ``forces`` knows the force at ``place_m`` [m].
+    ``forces`` knows the force.
     """
 
     x_mm: Array
@@ -55,13 +55,12 @@ class Table:
     came_mm: Array
     von_mises_pa: Array
     contact_mm: Array
-    place_m: float
     forces: "Response"
 
     def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         """Total force (n,) at depths and lumen pressures (n,), both clamped to the solved range."""
         depth_m = np.clip(depth_m, 0.0, self.depth_m[-1])
-        return self.forces.force_n(self.place_m, depth_m, np.clip(pressure_pa, *self.pressure_pa))
+        return self.forces.force_n(depth_m, np.clip(pressure_pa, *self.pressure_pa))
 
     def press(self, depth_m: float, pressure_pa: float) -> PressState:
         """The answer at a depth (clamped to the solved range) and a lumen pressure."""
@@ -149,7 +148,6 @@ def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
         np.array([[f[0] for f in pair] for pair in states]),
         np.array([[f[1] for f in pair] for pair in states]),
         np.array(contact),
-        1e-3 * x_mm,
         respond(scene, 1e-3 * x_mm, 1e-3 * max_depth_mm),
     )
 

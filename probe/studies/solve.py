@@ -133,13 +133,13 @@ def _failed(
 
 def _felt(station: StationResponse, scene: Scene, depth_mm: float) -> Row:
     """A row of a station, with its stated errors."""
-    at = station.x_m, 1e-3 * depth_mm
+    depth_m = 1e-3 * depth_mm
     mmhg = scene_pressures_mmhg(scene)
     low_pa, half_pa, high_pa = np.array([mmhg[0], sum(mmhg) / len(mmhg), mmhg[-1]]) * PA_PER_MMHG
-    force_n, half_n, high_n = station.force_n(*at, [low_pa, half_pa, high_pa]).tolist()
-    low_vm_pa, high_vm_pa = station.von_mises_pa(*at, [low_pa, high_pa]).tolist()
-    off_n = float(station.error_n(*at, low_pa))
-    pulse_n, pulse_off_n = high_n - force_n, float(station.pulse_error_n(*at, low_pa, high_pa))
+    force_n, half_n, high_n = station.force_n(depth_m, [low_pa, half_pa, high_pa]).tolist()
+    low_vm_pa, high_vm_pa = station.von_mises_pa(depth_m, [low_pa, high_pa]).tolist()
+    off_n = float(station.error_n(depth_m, low_pa))
+    pulse_n, pulse_off_n = high_n - force_n, float(station.pulse_error_n(depth_m, low_pa, high_pa))
     share = max(off_n / force_n, pulse_off_n / max(abs(pulse_n), SMALL_PULSE * force_n))
     face_m2 = 1e-6 * scene.face_mm2
     return {

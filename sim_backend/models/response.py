@@ -20,28 +20,26 @@ from sim_backend.scene.waves import PA_PER_MMHG
 PRESSURE_SLACK = 0.02
 """Share of the wave's span that a pressure may lie outside it: a wave is sampled."""
 SLACK = 1e-8
-"""What a place or depth [m] may lie outside a range, and a pressure over the range's end: the
-rounding of a path."""
+"""What a depth [m] may lie outside a range, and a pressure over the range's end: the rounding of a
+path."""
 WAY = 6
 """Number of the way of solving; what was kept on disk by another way is solved again."""
 
 
 class OutOfRange(ValueError):
-    """A place, depth or pressure that a model does not know; says which it does."""
+    """A depth or pressure that a station does not know; says which it does."""
 
 
 class Range(NamedTuple):
-    """(low, high) of the places [m], depths [m] and lumen pressures [Pa] that a model knows."""
+    """(low, high) of the depths [m] and lumen pressures [Pa] that a station knows."""
 
-    x_m: tuple[float, float]
     depth_m: tuple[float, float]
     pressure_pa: tuple[float, float]
 
-    def check(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> None:
+    def check(self, depth_m: ArrayLike, pressure_pa: ArrayLike) -> None:
         """Raises `OutOfRange` unless all are known; what is not a number is not."""
         slack_pa = SLACK * abs(self.pressure_pa[1])
         for what, asked, (low, high), slack, scale, unit in (
-            ("place", x_m, self.x_m, SLACK, 1e3, "mm"),
             ("depth", depth_m, self.depth_m, SLACK, 1e3, "mm"),
             ("lumen pressure", pressure_pa, self.pressure_pa, slack_pa, 1e-3, "kPa"),
         ):
@@ -99,8 +97,8 @@ class StationResponse:
     """The elastic answer of one place ``x_m`` down to ``max_depth_m``.
 
     ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. All arguments
-    broadcast: ``x_m`` along the surface, ``depth_m`` below it (0 and less: in the air, unless a
-    filled vessel bulges there), ``pressure_pa`` in every lumen. Methods raise `OutOfRange` outside
+    broadcast: ``depth_m`` below the surface (0 and less: in the air, unless a filled vessel bulges
+    there), ``pressure_pa`` in every lumen. Methods raise `OutOfRange` outside
     ``range``; none returns NaN.
     """
 
@@ -115,67 +113,61 @@ class StationResponse:
 
     @property
     def range(self) -> Range:
-        """One place, any height above it, the wave with a little room for sampling; without a
+        """Any height above the place, the wave with a little room for sampling; without a
         vessel any pressure."""
         low, high = self.force.low_pa, self.force.high_pa
         slack = PRESSURE_SLACK * (high - low)
         pressures = (low - slack, high + slack) if high > low else (-np.inf, np.inf)
-        return Range((self.x_m, self.x_m), (-np.inf, self.max_depth_m), pressures)
+        return Range((-np.inf, self.max_depth_m), pressures)
 
-    def force_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+    def force_n(self, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """Normal force [N] on the whole finger, 0 out of contact."""
-        return self.length_m * self._at(self.force, x_m, depth_m, pressure_pa)
+        return self.length_m * self._at(self.force, depth_m, pressure_pa)
 
-    def von_mises_pa(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+    def von_mises_pa(self, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """Von Mises stress [Pa] at the surface under the finger."""
-        return self._at(self.stress, x_m, depth_m, pressure_pa)
+        return self._at(self.stress, depth_m, pressure_pa)
 
-    def shares(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+    def shares(self, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """What each taxel takes of the force (n, rows, columns) at depths and pressures (n,)."""
         assert self.taxels is not None  # nobody asks what has not been solved
-        self.range.check(x_m, depth_m, pressure_pa)
+        self.range.check(depth_m, pressure_pa)
         sunk = np.asarray(depth_m, dtype=float) + self.bulge_m
         return self.taxels(sunk, np.asarray(pressure_pa) - self.force.rest_pa)
 
-    def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+    def error_n(self, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """What the force may be off by [N]."""
-        rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
-        rest = self.force_n(x_m, depth_m, rest_pa)
-        deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
-        change = self._steepest(x_m, depth_m, rest_pa, pressure_pa)
+        rest_pa, force = self.force.rest_pa, self.force_n(depth_m, pressure_pa)
+        rest = self.force_n(depth_m, rest_pa)
+        deepest = self.force_n(self.max_depth_m, rest_pa)
+        change = self._steepest(depth_m, rest_pa, pressure_pa)
         off = self.left.rest * rest + self.left.change * change + self.left.between * deepest
         return np.asarray(np.where(force > 0, off, 0.0))
 
-    def pulse_error_n(
-        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
-    ) -> Array:
+    def pulse_error_n(self, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike) -> Array:
         """What the change of force between two pressures may be off by [N]: of the change itself,
         and of how far it is from that at the full depth, where the curve over pressure is the
         solved one. What both forces' errors have in common drops out."""
-        low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
-        full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
-        change = self._steepest(x_m, depth_m, low_pa, high_pa)
+        low, high = (self.force_n(depth_m, p) for p in (low_pa, high_pa))
+        full = (self.force_n(self.max_depth_m, p) for p in (low_pa, high_pa))
+        change = self._steepest(depth_m, low_pa, high_pa)
         faint = np.where(change > 0, self.left.faint * np.maximum(high, low), 0.0)
         return np.asarray(self.left.change * np.maximum(change, np.abs(np.subtract(*full))) + faint)
 
-    def _steepest(
-        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
-    ) -> Array:
+    def _steepest(self, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike) -> Array:
         """The change [N] between two pressures, or p dF/dp's if that is more: near the pressure at
         which a wall inflates without bound, a wall that is a share off in stiffness is as much off
         in pressure."""
         sunk, *ends = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, low_pa, high_pa)
-        low, high = (self.force_n(x_m, depth_m, p) for p in ends)
+        low, high = (self.force_n(depth_m, p) for p in ends)
         by_low, by_high = (
             np.where(force > 0, p * self.length_m * self.force.by_pressure(sunk, p), 0.0)
             for force, p in zip((low, high), ends, strict=True)
         )
         return np.asarray(np.maximum(np.abs(high - low), np.abs(by_high - by_low)))
 
-    def _at(
-        self, curve: "Curve", x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike
-    ) -> Array:
-        self.range.check(x_m, depth_m, pressure_pa)
+    def _at(self, curve: "Curve", depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        self.range.check(depth_m, pressure_pa)
         sunk = np.maximum(np.asarray(depth_m, dtype=float) + self.bulge_m, 0.0)
         value = curve(sunk, np.asarray(pressure_pa))
         return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))

@@ -41,14 +41,14 @@ BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the s
 class Response(Protocol):
     """What is asked of a section's force model at one place; arguments broadcast, 0 in the air."""
 
-    def force_n(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
-    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array: ...
 
 
 class TaxelResponse(Response, Protocol):
     """That of a place whose taxels are known: their shares (n, rows, columns) of the force."""
 
-    def shares(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def shares(self, depth_m: Array, pressure_pa: Array) -> Array: ...
 
 
 Respond = Callable[..., Response]
@@ -129,8 +129,8 @@ class Phantom:
         for leg, _, span in self.tip.legs(time_s):
             points = leg.points(time_s[span])
             depth = self._depth(points, leg.point(math.inf))
-            for here, x_m, section, sunk in self._touched(leg, points, depth, pressure[span]):
-                taxels[span][here] = section.shares(x_m, sunk, pressure[span][here])
+            for here, section, sunk in self._touched(leg, points, depth, pressure[span]):
+                taxels[span][here] = section.shares(sunk, pressure[span][here])
         return taxels * force[:, None, None]
 
     def depth_m(self, time_s: Array) -> Array:
@@ -234,16 +234,16 @@ class Phantom:
     ) -> Array:
         """The answers without relaxation."""
         values = np.zeros((len(quantities), len(points)))
-        for here, x_m, section, sunk in self._touched(leg, points, depth, pressure):
+        for here, section, sunk in self._touched(leg, points, depth, pressure):
             for answer, quantity in zip(values, quantities, strict=True):
-                answer[here] = quantity(section)(x_m, sunk, pressure[here])
+                answer[here] = quantity(section)(sunk, pressure[here])
         return values
 
     def _touched(
         self, leg: Leg, points: Array, depth: Array, pressure: Array
-    ) -> Iterator[tuple[Bools, float, Any, Array]]:
-        """Of each place in contact which points (n,) are over it, where it is, its own section,
-        and how deep the tip is there."""
+    ) -> Iterator[tuple[Bools, Any, Array]]:
+        """Of each place in contact which points (n,) are over it, its own section, and how deep the
+        tip is there."""
         sideways = math.hypot(*leg.direction[:2])
         grid = INCLINED_GRID_M if sideways < STEEP else DRAG_GRID_M
         if sideways < 1e-6:  # no more than rounding
@@ -252,19 +252,18 @@ class Phantom:
         touching = depth > -BULGE_M
         for x, y in _distinct(places[touching]):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
-            x_m, y_m = float(x * grid), float(y * grid)
-            section = self._response(x_m, y_m, float(depth[here].max()))
-            yield here, x_m, section, self._sunk(section, x_m, depth[here], pressure[here])
+            section = self._response(float(x * grid), float(y * grid), float(depth[here].max()))
+            yield here, section, self._sunk(section, depth[here], pressure[here])
 
-    def _sunk(self, section: Response, x_m: float, depth: Array, pressure: Array) -> Array:
+    def _sunk(self, section: Response, depth: Array, pressure: Array) -> Array:
         """True depth (n,): what is left when the rig has given way, d + F(d) / k = ``depth``."""
         if math.isinf(self.stiffness_n_m):
             return depth
-        low = depth - section.force_n(x_m, depth, pressure) / self.stiffness_n_m
+        low = depth - section.force_n(depth, pressure) / self.stiffness_n_m
         high = depth
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            over = middle + section.force_n(x_m, middle, pressure) / self.stiffness_n_m > depth
+            over = middle + section.force_n(middle, pressure) / self.stiffness_n_m > depth
             low, high = np.where(over, low, middle), np.where(over, middle, high)
         return np.asarray((low + high) / 2)
 

@@ -33,7 +33,7 @@ def scanned(seed: int, of: Scene, depth_m: float = DEPTH_M) -> Recording:
     """A row over a solved block, with 0.3 % of scatter from press to press."""
     rng = np.random.default_rng(seed)
     beat_pa = [PA_PER_MMHG * p for p in (of.pulse.diastolic_mmhg, of.pulse.systolic_mmhg)]
-    felt = [respond(of, x, depth_m).force_n(x, depth_m, beat_pa) for x in X_M]
+    felt = [respond(of, x, depth_m).force_n(depth_m, beat_pa) for x in X_M]
     t = np.arange(500) / 100.0
     stations = []
     for k, (level_n, crest_n) in enumerate(felt):

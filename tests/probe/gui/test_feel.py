@@ -25,8 +25,7 @@ HEIGHT_MM = 16.83
 class Springs:
     """400 N/m, and 2 % more at 120 mmHg than at 80."""
 
-    def force_n(self, x_m: float, depth_m: np.ndarray, pressure_pa: np.ndarray) -> np.ndarray:
-        assert 0 < x_m < 64e-3
+    def force_n(self, depth_m: np.ndarray, pressure_pa: np.ndarray) -> np.ndarray:
         return 400 * depth_m * (1 + 0.02 * (pressure_pa / 133.322 - 80) / 40)
 
     von_mises_pa = force_n
@@ -47,7 +46,7 @@ def table(x0_mm: float = 32.0) -> Table:
     contact[..., 1] += 1e3 * depth[:, None]
     pressure = np.array([80.0, 120.0]) * 133.322
     came = np.array([[came_mm(one, (x, y)) for one in pair] for pair in moved])
-    return Table(x, y, inside, depth, pressure, came, stress, contact, 1e-3 * x0_mm, Springs())
+    return Table(x, y, inside, depth, pressure, came, stress, contact, Springs())
 
 
 def solved(_x_mm: float) -> "Future[Table]":

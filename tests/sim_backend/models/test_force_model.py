@@ -18,45 +18,43 @@ LOW_PA, HIGH_PA = BLOCK.pulse.diastolic_mmhg * PA_PER_MMHG, BLOCK.pulse.systolic
 @pytest.fixture(scope="module", params=["full model", "station response"])
 def model(request: pytest.FixtureRequest) -> ForceModel:
     if request.param == "full model":
-        return FullModel(BLOCK, accuracy_pct=1.0)
+        return FullModel(BLOCK, X_M)
     return respond(BLOCK, X_M, 1e-3)
 
 
 @pytest.fixture(scope="module")
 def truth() -> FullModel:
     """Presses twice as accurate as any of the others claims to be."""
-    return FullModel(BLOCK, accuracy_pct=0.2)
+    return FullModel(BLOCK, X_M, accuracy_pct=0.2)
 
 
 def test_force_and_pulse_are_those_of_accurate_presses(model: ForceModel, truth: FullModel) -> None:
-    at = X_M, DEPTH_M, np.array([LOW_PA, HIGH_PA])
+    at = DEPTH_M, np.array([LOW_PA, HIGH_PA])
     off = np.abs(model.force_n(*at) - truth.force_n(*at))
     assert (off <= model.error_n(*at) + truth.error_n(*at)).all()
     assert (model.error_n(*at) < 0.05 * truth.force_n(*at)).all()  # an error, not an excuse
     pulse = np.ptp(truth.force_n(*at))
-    stated = float(model.pulse_error_n(X_M, DEPTH_M, LOW_PA, HIGH_PA))
-    theirs = float(truth.pulse_error_n(X_M, DEPTH_M, LOW_PA, HIGH_PA))
+    stated = float(model.pulse_error_n(DEPTH_M, LOW_PA, HIGH_PA))
+    theirs = float(truth.pulse_error_n(DEPTH_M, LOW_PA, HIGH_PA))
     assert abs(np.ptp(model.force_n(*at)) - pulse) <= stated + theirs
     assert stated < 0.15 * pulse
 
 
 def test_the_whole_range_is_answered_and_nothing_beyond_its_depth(model: ForceModel) -> None:
     known = model.range
-    assert known.x_m[0] <= X_M <= known.x_m[1]
-    assert np.isfinite(model.force_n(X_M, DEPTH_M, [LOW_PA, HIGH_PA])).all()
-    assert model.force_n(X_M, np.full((2, 3), DEPTH_M), LOW_PA).shape == (2, 3)
+    assert np.isfinite(model.force_n(DEPTH_M, [LOW_PA, HIGH_PA])).all()
+    assert model.force_n(np.full((2, 3), DEPTH_M), LOW_PA).shape == (2, 3)
     with pytest.raises(OutOfRange, match="depth of"):
-        model.error_n(X_M, 2 * known.depth_m[1], LOW_PA)
+        model.error_n(2 * known.depth_m[1], LOW_PA)
     with pytest.raises(OutOfRange, match="depth of nan"):
-        model.error_n(X_M, np.nan, LOW_PA)
+        model.error_n(np.nan, LOW_PA)
 
 
 def test_a_mirrored_station_knows_its_own_place() -> None:
     scene = load_scene("TI")
     left, right = respond(scene, 20e-3, 1e-3), respond(scene, 44e-3, 1e-3)
-    assert left.force_n(20e-3, 1e-3, 0.0) == right.force_n(44e-3, 1e-3, 0.0) > 0
-    with pytest.raises(OutOfRange, match="place of 20 mm"):
-        right.force_n(20e-3, 1e-3, 0.0)
+    assert left.force_n(1e-3, 0.0) == right.force_n(1e-3, 0.0) > 0
+    assert (left.x_m, right.x_m) == (20e-3, 44e-3)
 
 
 @pytest.mark.parametrize("name", ["TI", "TIHA"])
@@ -64,6 +62,6 @@ def test_depths_and_pressures_broadcast(name: str) -> None:
     station = respond(load_scene(name), 28e-3, 1e-3)
     depth_m, pressure_pa = np.array([[-1e-3], [0.4e-3], [1e-3]]), np.array([LOW_PA, HIGH_PA])
     for answer in (station.force_n, station.von_mises_pa, station.error_n):
-        table = answer(28e-3, depth_m, pressure_pa)
+        table = answer(depth_m, pressure_pa)
         assert table.shape == (3, 2)
-        assert table[1, 1] == answer(28e-3, 0.4e-3, HIGH_PA)
+        assert table[1, 1] == answer(0.4e-3, HIGH_PA)

@@ -71,10 +71,10 @@ def test_what_a_small_pulse_is_off_by_does_not_vanish_with_it():
     assert pressed.pulse_n < 1e-4 * force_n
     off_n = 1e-5 * pressed.pulse_error_estimate_pct * force_n
     assert pressed.pulse_error_n == pytest.approx(off_n)
-    model, at = FullModel(BLOCK, 5.0), (12e-3, 1e-3)
+    model = FullModel(BLOCK, 12e-3, 5.0)
     levels_pa = low * PA_PER_MMHG, high * PA_PER_MMHG
-    assert float(model.pulse_error_n(*at, *levels_pa)) == pytest.approx(off_n)
-    assert float(model.error_n(*at, levels_pa[0])) == pytest.approx(
+    assert float(model.pulse_error_n(1e-3, *levels_pa)) == pytest.approx(off_n)
+    assert float(model.error_n(1e-3, levels_pa[0])) == pytest.approx(
         0.01 * pressed.force_error_estimate_pct * force_n, rel=1e-2
     )
     assert press(BLOCK, 12.0, 1.0, (low,), accuracy_pct=5.0).pulse_error_n is None

@@ -31,15 +31,15 @@ def test_a_station_is_as_near_to_presses_as_it_states(scene: Scene) -> None:
     x_mm, depth_mm = (32.0, 1.0) if scene.tissue is None else (24.0, 2.5)
     mmhg = scene_pressures_mmhg(scene)
     truth = press(scene, x_mm, depth_mm, mmhg, model="finite", accuracy_pct=0.5)
-    at, ends_pa = (1e-3 * x_mm, 1e-3 * depth_mm), PA_PER_MMHG * np.array(mmhg)
-    found = respond(scene, *at)
+    depth_m, ends_pa = 1e-3 * depth_mm, PA_PER_MMHG * np.array(mmhg)
+    found = respond(scene, 1e-3 * x_mm, depth_m)
     true_n = np.array([state.force_n for state in truth.states])
-    allowed_n = found.error_n(*at, ends_pa) + 0.01 * truth.force_error_estimate_pct * true_n
-    assert (np.abs(found.force_n(*at, ends_pa) - true_n) <= allowed_n).all()
+    allowed_n = found.error_n(depth_m, ends_pa) + 0.01 * truth.force_error_estimate_pct * true_n
+    assert (np.abs(found.force_n(depth_m, ends_pa) - true_n) <= allowed_n).all()
     assert (allowed_n <= (0.03 if scene.tissue else 0.08) * true_n).all()
     if scene.arteries:
-        off_n = abs(np.ptp(found.force_n(*at, ends_pa)) - truth.pulse_n)
-        stated_n = float(found.pulse_error_n(*at, *ends_pa)) + truth.pulse_error_n
+        off_n = abs(np.ptp(found.force_n(depth_m, ends_pa)) - truth.pulse_n)
+        stated_n = float(found.pulse_error_n(depth_m, *ends_pa)) + truth.pulse_error_n
         assert off_n <= stated_n <= 0.1 * truth.pulse_n
 
 
@@ -47,10 +47,10 @@ def test_a_vessel_pressed_flat_states_more_of_its_pulse() -> None:
     scene, x_m, depth_m = drawn(35)
     ends_pa = 80 * PA_PER_MMHG, 120 * PA_PER_MMHG
     model = respond(scene, x_m, depth_m)
-    low, high = (model.force_n(x_m, depth_m, p) for p in ends_pa)
+    low, high = (model.force_n(depth_m, p) for p in ends_pa)
     states = press(scene, 1e3 * x_m, 1e3 * depth_m, (80.0, 120.0), accuracy_pct=2.0).states
     off_n = abs(high - low - (states[1].force_n - states[0].force_n))
-    assert off_n < model.pulse_error_n(x_m, depth_m, *ends_pa)
+    assert off_n < model.pulse_error_n(depth_m, *ends_pa)
 
 
 @pytest.mark.parametrize("name", ["HAOT", "SAOT"])
@@ -58,14 +58,14 @@ def test_beside_a_lone_vessel_nothing_is_felt(name: str) -> None:
     scene = load_scene(name)
     beside = respond(scene, 1e-3 * scene.inclusion[0].x_mm + 20e-3, 2.5e-3)
     depth, pressure = np.linspace(-1e-3, 2.5e-3, 8), 100.0 * PA_PER_MMHG
-    assert (beside.force_n(beside.x_m, depth, np.array(pressure)) == 0.0).all()
-    assert (beside.von_mises_pa(beside.x_m, depth, np.array(pressure)) == 0.0).all()
+    assert (beside.force_n(depth, np.array(pressure)) == 0.0).all()
+    assert (beside.von_mises_pa(depth, np.array(pressure)) == 0.0).all()
 
 
 def test_at_the_edge_of_a_lone_vessel_the_first_steps_are_in_the_air() -> None:
     scene = load_scene("HAOT")
     edge = respond(scene, 1e-3 * scene.inclusion[0].x_mm + 5e-3, 2.5e-3)
-    force = edge.force_n(edge.x_m, np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
+    force = edge.force_n(np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
     assert force[0] == 0.0 < force[-1]
     assert (np.diff(force) >= 0).all()
 
@@ -79,7 +79,7 @@ def test_between_solved_states_taxels_are_the_elements_own() -> None:
     exact = [solved.taxels_n(array)[:, 0] for solved in
              ramp(scene, x_m, list(depths), [rest, low, high])]  # fmt: skip
     taxels = np.array([
-        [found.force_n(x_m, depth, p) * found.shares(x_m, np.array([depth]), np.array([p]))[0, 0]
+        [found.force_n(depth, p) * found.shares(np.array([depth]), np.array([p]))[0, 0]
          for p in (rest, low, high)] for depth in depths
     ])  # fmt: skip
     off = np.abs(taxels - exact)[:, 0].max(axis=1)
@@ -88,8 +88,8 @@ def test_between_solved_states_taxels_are_the_elements_own() -> None:
     pulse, pulse_there = (each[3, 2] - each[3, 1] for each in (taxels, np.array(exact)))
     assert np.abs(pulse - pulse_there).max() < 0.02 * np.abs(pulse_there).max()
     for depth in depths:
-        force = plain.force_n(x_m, depth, [rest, low, high])
-        np.testing.assert_allclose(found.force_n(x_m, depth, [rest, low, high]), force, rtol=1e-6)
+        force = plain.force_n(depth, [rest, low, high])
+        np.testing.assert_allclose(found.force_n(depth, [rest, low, high]), force, rtol=1e-6)
 
 
 def test_between_solved_states_little_is_missed() -> None:
@@ -105,10 +105,10 @@ def test_between_solved_states_little_is_missed() -> None:
     length_m = 1e-3 * scene.indenter.length_mm
     truth = length_m * np.array([s.force_n_per_m for s in (*down, *beat)])
     ours = found.force_n(
-        x_m, np.append(depths, np.full(3, DEPTH_M)), np.append(np.full(4, rest), pressures)
+        np.append(depths, np.full(3, DEPTH_M)), np.append(np.full(4, rest), pressures)
     )
     assert ours[:4] == pytest.approx(truth[:4], abs=1.5e-3 * truth[3])
-    pulse = np.ptp(found.force_n(x_m, np.full(2, DEPTH_M), np.array([low, high])))
+    pulse = np.ptp(found.force_n(np.full(2, DEPTH_M), np.array([low, high])))
     assert ours[4:] == pytest.approx(truth[4:], abs=2e-3 * pulse)
 
 
@@ -121,12 +121,12 @@ def test_over_a_wall_that_nearly_bursts_the_pulse_is_known_as_well_as_stated(
     truth = press(scene, 29.6, depth_mm, [80.0, 176.0])
     _, low, high = levels_pa(scene)
     depth_m = 1e-3 * depth_mm
-    pulse_n = np.ptp(found.force_n(found.x_m, depth_m, np.array([low, high])))
+    pulse_n = np.ptp(found.force_n(depth_m, np.array([low, high])))
     assert pulse_n == pytest.approx(truth.pulse_n, rel=0.1)
-    stated_n = float(found.pulse_error_n(found.x_m, depth_m, low, high))
+    stated_n = float(found.pulse_error_n(depth_m, low, high))
     assert pulse_n == pytest.approx(truth.pulse_n, abs=stated_n)
-    off_n = found.force_n(found.x_m, depth_m, high) - truth.states[-1].force_n
-    assert abs(off_n) <= found.error_n(found.x_m, depth_m, high)
+    off_n = found.force_n(depth_m, high) - truth.states[-1].force_n
+    assert abs(off_n) <= found.error_n(depth_m, high)
 
 
 def test_a_wall_that_bursts_where_the_finger_is_less_deep_is_refused() -> None:

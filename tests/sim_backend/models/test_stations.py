@@ -37,13 +37,13 @@ def test_a_solid_s_response_is_its_presses(monkeypatch: pytest.MonkeyPatch, cach
     # x = 10 mm is the mirror image of 6 mm
     size_m = SHARES[0] * half_width_m(SCENE)
     body, states = solve_solid(SCENE, 6e-3, DEPTH_M, [low, high], size_m)
-    ours = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+    ours = found.force_n(np.full(2, DEPTH_M), np.array([low, high]))
     assert ours == pytest.approx([one.force for one in states], rel=1e-4)
     assert found.bulge_m > 0
     depth = np.linspace(-found.bulge_m, DEPTH_M, 40)
-    down = found.force_n(found.x_m, depth, np.array(rest))
+    down = found.force_n(depth, np.array(rest))
     assert down[0] == 0.0 and (np.diff(down) > 0).all()
-    stress = found.von_mises_pa(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+    stress = found.von_mises_pa(np.full(2, DEPTH_M), np.array([low, high]))
     assert stress == pytest.approx(
         [under_finger_pa(body, one.displacement) for one in states], rel=1e-3
     )
@@ -70,7 +70,7 @@ def test_a_place_that_was_solved_is_not_solved_again(
     for _ in range(2):
         station_response._kept.clear()
         found = respond(SCENE, 5e-3, DEPTH_M)
-        ends = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+        ends = found.force_n(np.full(2, DEPTH_M), np.array([low, high]))
         assert ends == pytest.approx([12.7, 13.9], rel=1e-9)
     assert asked == [5e-3]
 
@@ -123,7 +123,7 @@ def test_a_straight_solid_beside_its_middle_is_the_mean_of_two_symmetric_ones(
     whole = solve_solid(there, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force
     middle = solve_solid(plain, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force
     found = respond(there, 7e-3, DEPTH_M)
-    assert found.force_n(found.x_m, DEPTH_M, 0.0) == pytest.approx(whole, rel=4e-3)
+    assert found.force_n(DEPTH_M, 0.0) == pytest.approx(whole, rel=4e-3)
     assert whole < 0.985 * middle
 
 
@@ -180,11 +180,11 @@ def test_a_faint_pulse_is_no_better_known_than_its_share_of_the_force(
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
     found = respond(SCENE, 10e-3, DEPTH_M)
     _, low, high = levels_pa(SCENE)
-    stated_n = found.pulse_error_n(found.x_m, DEPTH_M, low, high)
-    forces_n = found.force_n(found.x_m, DEPTH_M, np.array([low, high]))
+    stated_n = found.pulse_error_n(DEPTH_M, low, high)
+    forces_n = found.force_n(DEPTH_M, np.array([low, high]))
     clear = replace(found, left=found.left._replace(faint=0.0))
-    share_n = clear.pulse_error_n(found.x_m, DEPTH_M, low, high)
+    share_n = clear.pulse_error_n(DEPTH_M, low, high)
     assert share_n >= bodies.SOLID_LEFT.change * np.ptp(forces_n)
     assert stated_n - share_n == pytest.approx(bodies.SOLID_LEFT.faint * forces_n.max())
     assert bodies.SOLID_LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
-    assert found.pulse_error_n(found.x_m, DEPTH_M, low, low) == 0.0
+    assert found.pulse_error_n(DEPTH_M, low, low) == 0.0
