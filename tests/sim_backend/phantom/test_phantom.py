@@ -132,7 +132,7 @@ def test_a_drag_is_answered_by_the_section_and_the_surface_under_each_place(wink
     x_m = np.array([0.026, 0.029, 0.030, 0.032])
     depth_m = (2e-3 + slope * (x_m - 0.032)) / math.hypot(1.0, slope)
     expected = [
-        winkler(scene, x, 3e-3).force_n(x, np.array([d]), np.zeros(1))[0]
+        winkler(scene, x, 3e-3).force_n(np.array([d]), np.zeros(1))[0]
         for x, d in zip(x_m, depth_m, strict=True)
     ]
     force_n = world.force_n(1.0 + (x_m - 0.024) / MOVE[0])
