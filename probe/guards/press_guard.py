@@ -281,7 +281,7 @@ class PressGuard:
         moved_n = max(self._forces[began:]) - min(self._forces[began:])
         if still and not 0 < moved_n <= STILL_SIGMAS * self._noise_n:
             return None  # none at all: a resolution so coarse that it hides what shows a live one
-        return _flat(rose_n, went_m, foretold_n)
+        return flat_words(rose_n, went_m, foretold_n)
 
     def _stood_still(self, now: float) -> str | None:
         """The end of the press and as long a time of rest, once; as `_too_flat` by noise alone."""
@@ -301,10 +301,11 @@ class PressGuard:
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
         if not 0 < max(judged) - min(judged) <= most_n:
             return None  # moved: a live one rises by nearly twice that
-        return _flat(judged[-1] - judged[0], went_m, foretold_n)
+        return flat_words(judged[-1] - judged[0], went_m, foretold_n)
 
 
-def _flat(rose_n: float, went_m: float, foretold_n: float) -> str:
+def flat_words(rose_n: float, went_m: float, foretold_n: float) -> str:
+    """What is said of a force that stood still while the tip went on."""
     return (
         f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "
         f"deeper, where {foretold_n:.3f} N were to be expected: the sensor clips or does not "
