@@ -12,7 +12,7 @@ from probe.core.events import Finish
 from probe.guards.force_speed import force_speed_m_s, late_by_s
 from probe.guards.interruption import Interrupted
 from probe.guards.levels import LEVEL_S
-from probe.guards.press_guard import NOISE_SIGMAS, STILL_SIGMAS, flat_words
+from probe.guards.press_guard import JUDGED_SHARE, NOISE_SIGMAS, STILL_SIGMAS, flat_words
 from probe.planning.planner import Press
 from probe.planning.press_direction import pressed
 from probe.scan.mean_force import MeanForce, noise_of
@@ -20,7 +20,7 @@ from probe.scan.run_loop import RunLoop
 from probe.scan.taring import level_at_rest
 
 REACHED = 0.05  # a force at rest within this of what was asked for
-STEPS = 8  # after the way down, at most; two are usual
+STEPS = 16  # after the way down, at most; two are usual, and more where noise stopped it early
 NEAR = 0.8  # share of the force that the way down is stopped for
 # How much steeper the next step is than the last, at most: a sphere's force, as depth^1.5, rises
 # from NEAR to the whole 1.22 times as steeply as from FELT to NEAR.
@@ -90,7 +90,8 @@ def press_to_force(
 
     way = _WayDown(loop, feels, from_n, rise_n, late_s, hardest_n_m * speed)
     loop.go(pressed(surface, press.depth_m), speed, until=way.near)
-    before_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
+    felt_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
+    before_m = felt_m
     before_n, doubt_n = way.felt_n, 2 * noise_n / math.sqrt(feels.readings)
     depth_m, force_n = rests()
     slope_n_m, flat = 0.0, 0
@@ -103,7 +104,8 @@ def press_to_force(
         # tissue never softens by half; and what adds no force is tried again by half a step
         least_n_m = max((2 if flat else 0.5) * slope_n_m, asked_n / press.depth_m)
         slope_n_m = min(max(STIFFENS * secant_n_m, least_n_m), hardest_n_m)
-        step_m = min((asked_n - force_n) / slope_n_m, room_m)
+        in_contact_m = depth_m - max(felt_m - way.felt_n / slope_n_m, 0.0)
+        step_m = min((asked_n - force_n) / slope_n_m, JUDGED_SHARE * in_contact_m, room_m)
         before_m, before_n = depth_m, force_n
         loop.go(
             pressed(surface, depth_m + step_m), speed,
@@ -116,17 +118,19 @@ def press_to_force(
         if flat == FLAT_STEPS:
             why = flat_words(force_n - before_n, depth_m - before_m, foretold_n)
             raise Interrupted(Finish.FAULTED, f"{name}: {why}", name, retract=True)
-    _note_the_force(loop, depth_m, force_n, asked_n)
+    deepest = depth_m > press.depth_m - SMALLEST_STEP_M
+    _note_the_force(loop, depth_m, force_n, asked_n, deepest=deepest)
     return depth_m, force_n
 
 
-def _note_the_force(loop: RunLoop, depth_m: float, force_n: float, asked_n: float) -> None:
+def _note_the_force(
+    loop: RunLoop, depth_m: float, force_n: float, asked_n: float, *, deepest: bool
+) -> None:
     if abs(force_n - asked_n) <= REACHED * asked_n or loop.station is None:
         return
-    why = (
-        "that is as deep as scan.indentation_mm allows"
-        if force_n < asked_n
-        else "a pulse raised it, or what stiffened while the probe slowed down"
-    )
+    why = "a pulse raised it, or what stiffened while the probe slowed down"
+    if force_n < asked_n:
+        why = "that is as deep as scan.indentation_mm allows"
+        why = why if deepest else f"{STEPS} steps were not enough: the force is too unsteady"
     text = f"station {loop.station + 1}: pressed to {force_n:.3g} N, {1e3 * depth_m:.2f} mm deep, "
     loop.bus.note("warning", "engine", f"{text}and not to the {asked_n:g} N asked for: {why}")

@@ -139,10 +139,15 @@ def test_a_sensor_that_is_slower_than_it_says_ends_a_press_as_well() -> None:
     assert bed.force_at(ran.height_m).max() == pytest.approx(0.5, rel=0.08)
 
 
-@pytest.mark.parametrize("at_n", [1.0, 1.3, 1.4])
-def test_a_sensor_that_clips_just_below_the_force_takes_no_press_to_its_depth(at_n: float) -> None:
+@pytest.mark.parametrize("stiffness_n_m, at_n", [
+    (2000.0, 1.0), (2000.0, 1.3), (2000.0, 1.4), (4000.0, 0.8),
+])  # fmt: skip
+def test_a_sensor_that_clips_just_below_the_force_takes_no_press_to_its_depth(
+    stiffness_n_m: float, at_n: float
+) -> None:
     """The steps after the way down are too short for a guard to judge any of them."""
-    bed = Hertz(SimulatedClock(), 2000.0)
+    bed = Hertz(SimulatedClock(), stiffness_n_m)
+    bed.power = 1.2
     ran, _ = pressed(1.5, bed, LateSensor(bed, says=clipped(at_n)))
     assert ran.finish is Finish.FAULTED
     assert "cell: the force changed by" in ran.reason
