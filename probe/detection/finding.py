@@ -6,6 +6,7 @@ from math import isfinite, nan
 from typing import Any, Final, Literal
 
 from probe.core.finding_words import summary
+from probe.core.recording import Recording
 from probe.detection.priors import DEFAULT, Priors
 from probe.detection.sizes import Sizes
 from sim_backend import html
@@ -297,6 +298,21 @@ class Comparison:
             "reason": self.reason,
             "objects": [pair.as_json() for pair in self.objects],
         }
+
+
+def without_stress(recording: Recording, false_alarm: float) -> Finding:
+    """Of readings that nothing turns into pascals."""
+    reason = (
+        f"the sensor reads {recording.unit}, which nothing turns into pascals: no level, pulse or "
+        "kind is stated; --empty says which presses are unlike presses over nothing"
+    )
+    stations = tuple(
+        StationFinding(
+            s.index + 1, s.x_m, s.y_m, float(s.saturated.mean()) if s.saturated.size else 0.0
+        )
+        for s in recording.stations
+    )
+    return Finding(UNDECIDED, (), stations, reason, false_alarm)
 
 
 def _object(one: ObjectFinding, pulse_pa: float) -> dict[str, Any]:

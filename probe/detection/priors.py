@@ -36,8 +36,9 @@ class Priors(Table):
     """Systolic less diastolic, from the same table."""
     tilt_mm_per_m: Positive = 10.0
     bow_mm: Positive = 0.05
+    waves_mm: Positive = 0.03
     height_mm: Positive = 0.05
-    """How far a surface is tilted, bent and off its height from where the rig takes it to be:
+    """How far a surface is tilted, bent, wavy and off its height from where the rig takes it to be:
     stages and jigs on a bench; a touch before each press leaves less."""
     repeatability_mm: Positive = 0.01
     zero_mn: Positive = 2.0

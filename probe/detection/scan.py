@@ -11,6 +11,7 @@ from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.core.recording import Recording
 from probe.detection.beneath.explain import with_sizes
+from probe.detection.beneath.row_evidence import by_evidence
 from probe.detection.finding import (
     NAMED,
     UNDECIDED,
@@ -19,6 +20,7 @@ from probe.detection.finding import (
     ObjectFinding,
     StationFinding,
     stated,
+    without_stress,
 )
 from probe.detection.heart_rate import heart_rate
 from probe.detection.hold_down import hold_down
@@ -38,7 +40,7 @@ from probe.detection.pulse.causes import MOVERS
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
-from probe.detection.pulse.presses import Press, presses_of
+from probe.detection.pulse.presses import Press, chance_of_pulse, presses_of
 from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
 from probe.detection.unequal_depths import in_words
 from probe.storage.run import recording_of
@@ -103,7 +105,7 @@ def detect(
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
     recording, believed = recording_of(source), priors_of(priors)
     if recording.unit != "Pa":
-        return _without_stress(recording, false_alarm)
+        return without_stress(recording, false_alarm)
     if asked_pa is None:
         asked_pa = HEALTHY_PULSE_N / recording.face_m2
     elif not 0 < asked_pa < np.inf:
@@ -116,7 +118,7 @@ def detect(
     lines = [[presses[i] for i in row] for row in judged if row]
     unfinished = recording.finish != "completed"
     least_pa = float("inf")
-    moving = _moving(presses)
+    moving = chance_of_pulse(presses)
     if is_area(recording.stations, judged) or (
         moving is not None and runs_along_rows(presses, _pitch_m(recording))
     ):
@@ -131,8 +133,12 @@ def detect(
         objects = [vessel]
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
+    by_all = None if unfinished else by_evidence(recording, lines, objects, believed)
+    if by_all is not None:
+        objects, least_pa = by_all, float("nan")
+    else:
+        objects = with_sizes(recording, lines, objects, believed)
     objects = [*objects, *_disturbed(presses)]
-    objects = with_sizes(recording, lines, objects, believed)
     objects = [replace(thing, confidence=stated(thing.confidence)) for thing in objects]
     objects.sort(key=lambda thing: (np.isnan(thing.position_m), thing.position_m))
     beats = heart_rate(presses)
@@ -182,29 +188,29 @@ def _in_rows(
             least_pa.append(float("inf"))
         elif is_open:
             end_x_m = presses[last].station.x_m
-            objects = open_objects(line, _moving(in_line), false_alarm / len(rows), end_x_m)
+            objects = open_objects(line, chance_of_pulse(in_line), false_alarm / len(rows), end_x_m)
             least_pa.append(least_bump_pa(line, false_alarm / len(rows), with_edges))
         else:
-            objects = only_pulses(objects_in(line, _moving(in_line), false_alarm / len(rows)), line)
+            objects = only_pulses(
+                objects_in(line, chance_of_pulse(in_line), false_alarm / len(rows)), line
+            )
             objects = beside_named(line, objects, DOUBT / len(rows)) if objects else []
             least_pa.append(least_bump_pa(line, false_alarm / len(rows)))
         by_row.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(by_row, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
     y_m, area = [y_m for y_m, _ in by_row], over_area(presses)
-    if named and not unfinished and _moving(presses) is None and len(area.level_pa) >= MIN_PRESSES:
+    if (
+        named
+        and not unfinished
+        and chance_of_pulse(presses) is None
+        and len(area.level_pa) >= MIN_PRESSES
+    ):
         named = or_lines(named, area.levels(), y_m)
     if named or unfinished:
         return named, shown_pa
     unclear = doubtful(lines, least_pa, y_m, _pitch_m(recording))
     return unclear or between_rows(lines, y_m), shown_pa
-
-
-def _moving(presses: Iterable[Press]) -> float | None:
-    """Posterior probability that what moves in them is a pulse, None where nothing does."""
-    pulsing = [p for p in presses if p.pulsing]
-    asked = [p.cause.pulse for p in pulsing if p.cause is not None]
-    return max(asked, default=stated(1.0)) if pulsing else None
 
 
 def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
@@ -333,21 +339,6 @@ def _why_no_station(recording: Recording) -> str:
         else ""
     )
     return f"the run has no complete station; {how}{why}"
-
-
-def _without_stress(recording: Recording, false_alarm: float) -> Finding:
-    """Of readings that nothing turns into pascals."""
-    reason = (
-        f"the sensor reads {recording.unit}, which nothing turns into pascals: no level, pulse or "
-        "kind is stated; --empty says which presses are unlike presses over nothing"
-    )
-    stations = tuple(
-        StationFinding(
-            s.index + 1, s.x_m, s.y_m, float(s.saturated.mean()) if s.saturated.size else 0.0
-        )
-        for s in recording.stations
-    )
-    return Finding(UNDECIDED, (), stations, reason, false_alarm)
 
 
 def _reasons(objects: list[ObjectFinding]) -> str:

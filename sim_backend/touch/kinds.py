@@ -103,12 +103,17 @@ def _middle(theta: Array) -> Array:
     return np.asarray(theta[:, 0] * np.exp(-theta[:, -1]))
 
 
+def _covered(cover: Array) -> Array:
+    """Logarithm of the tissue over a body (n,); one that sticks out has none."""
+    return np.asarray(np.log(np.maximum(cover, 0.0) + 0.3))
+
+
 def _lump_coordinates(x: Array, theta: Array) -> Array:
     depth, log_diameter, log_ratio, log_height, log_half_width = theta.T[1:]
     cover = depth - _lump_radius(theta)
     across, _ = aside(x, theta)
     return np.stack([
-        across, _middle(theta), np.log(cover + 0.3), log_diameter, log_ratio, log_height,
+        across, _middle(theta), _covered(cover), log_diameter, log_ratio, log_height,
         log_half_width,
     ], axis=1)  # fmt: skip
 
@@ -137,7 +142,7 @@ def _vessel_coordinates(x: Array, theta: Array) -> Array:
     cover = depth - _vessel_radius(theta)
     across, _ = aside(x, theta)
     return np.stack([
-        across, _middle(theta), np.log(cover + 0.3), log_inner, log_wall, np.log(gives),
+        across, _middle(theta), _covered(cover), log_inner, log_wall, np.log(gives),
         pressure / gives, swing * pressure / gives, narrowing, log_plaque * narrowing, theta[:, -2],
         theta[:, -1],
     ], axis=1)  # fmt: skip

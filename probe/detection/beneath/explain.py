@@ -21,19 +21,16 @@ from probe.detection.beneath.rivals import (
     pairs_with,
 )
 from probe.detection.beneath.row_data import row_data
-from probe.detection.beneath.stated import Misfit, sizes
+from probe.detection.beneath.stated import WORST, Misfit, sizes
 from probe.detection.finding import ObjectFinding
 from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press
-from probe.detection.repeats import MIN_NAMED
 from probe.detection.sizes import Sizes, unknown
 from probe.detection.unequal_depths import usual_depth_m
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.table import TouchTable
 
-WORST = 0.01
-"""Chance of a greater misfit, below which the body in the table is not what lies there."""
 FEWEST = 100.0
 """Effective points of a posterior whose 95 % interval is stated; with 100 its ends scatter
 by a tenth of its width."""
@@ -59,8 +56,6 @@ class Known(NamedTuple):
         data = row_data(presses, self.face_m2)
         if data is None:
             return "the run holds no ramps with places and depths"
-        if len(np.unique(data.x_m)) < MIN_NAMED:
-            return f"a row of at least {MIN_NAMED} stations is needed"
         likelihood = Likelihood(data, self.table, self.scene, self.priors)
         deepest = self.table.depths[1]
         if likelihood.sunk[-1] > 1.01 * deepest:
@@ -116,7 +111,10 @@ def explain_row(
         if pair and isinstance(of_pair, Posterior):
             chosen, posterior = pair, of_pair
             name = objects[0].kind
-            objects = [object_of(n, pair, of_pair, likelihood, face_m2, name) for n in range(2)]
+            objects = [
+                object_of(n, pair.bodies, float(p), of_pair, likelihood, face_m2, name)
+                for n, p in enumerate(pair.vessel)
+            ]
     elif isinstance(posterior, Posterior):
         objects = [
             decided(thing, float(p)) for thing, p in zip(objects, chosen.vessel, strict=True)

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from drivers.core.arrays import Array, Bools
+from probe.detection.beneath.nuisance import nuisance
 from probe.detection.beneath.posterior import Model
 from probe.detection.beneath.row_data import RowData
 from probe.detection.finding import NAMED, VESSELS
@@ -30,6 +31,10 @@ REACH, REACH_SUNK = 1.5, 0.25
 """Half widths, along the row and in depth, over which a table's errors are alike: in 20 rows over
 random bodies their correlation is 0.63 at 0.8, 0.33 at 1.6 and 0.18 at 2.4 along it, as an
 exponential's, and 0.84 at 0.2 and 0.28 at 0.44 in depth, as a Gaussian's."""
+SMOOTH = 2.0
+"""Half widths over which what is uneven in no known way is alike: as far as a finger feels."""
+STEP = 1e-3
+"""Of the depth, to take a slope by."""
 DRAWN, STARTS = 2000, 6
 """Points of the prior that are tried for each body, and the best ones that a fit starts from."""
 
@@ -104,27 +109,35 @@ class Likelihood:
         self.x = (data.x_m - self.middle_m) / self.half_width_m
         self.sunk = data.sunk_m / self.half_width_m
         self.block = block_of(scene)
-        places, depths = np.meshgrid(self.x, self.sunk, indexing="ij")
-        bare = table.bare_force(places.ravel(), depths.ravel(), self.block)
         self.area_m2 = self.half_width_m * 1e-3 * scene.indenter.length_mm
-        self.bare = bare.reshape(places.shape) * self.area_m2  # over a modulus
+        self.bare = self._bare_n_per_pa(self.sunk)
+        deeper = self._bare_n_per_pa(self.sunk * (1 + STEP))
+        self.power = np.log(deeper / self.bare) / np.log(1 + STEP)
         self.at_depths: dict[str, AtDepths] = {
             kind.name: table.ratios[kind.name].at_depths(self.sunk, self.block) for kind in KINDS
         }
         self.measured = np.append(np.log(data.force_n).ravel(), data.pulse_n / data.force_n[:, -1])
 
+    def _bare_n_per_pa(self, sunk: Array) -> Array:
+        """The bare block's force over its modulus (n, d) at depths (d,)."""
+        places, depths = np.meshgrid(self.x, sunk, indexing="ij")
+        bare = self.table.bare_force(places.ravel(), depths.ravel(), self.block)
+        return np.asarray(bare.reshape(places.shape) * self.area_m2)
+
     def predicted(self, bodies: Bodies, theta: Array) -> Array:
         """Logarithms of forces, and pulses over forces (m, n d + n), of ``theta`` (m, p)."""
-        ratios = np.sum(self.ratios(bodies, theta), axis=0)
+        ratios = sum(self.ratios(bodies, theta), np.zeros((len(theta), *self.bare.shape, 2)))
         total = np.maximum(1 + ratios[..., 0], 1e-3)
         log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(total)
         pulse = (ratios[..., 1] / total)[..., -1]
         return np.hstack([log_force.reshape(len(theta), -1), pulse])
 
-    def ratios(self, bodies: Bodies, theta: Array) -> list[Array]:
-        """Bump and pulse (m, n, d, 2) of each body over the bare block's force."""
+    def ratios(self, bodies: Bodies, theta: Array, x: Array | None = None) -> list[Array]:
+        """Bump and pulse (m, n, d, 2) of each body over the bare block's force, at the row's places
+        or at some ``x`` (n,), in half widths from the block's middle."""
+        x = self.x if x is None else x
         return [
-            self.at_depths[kind.name](self.x, bodies.of(theta, n, self.block))
+            self.at_depths[kind.name](x, bodies.of(theta, n, self.block))
             for n, kind in enumerate(bodies.kinds)
         ]
 
@@ -137,17 +150,30 @@ class Likelihood:
         bump, pulse = self.table.ratios[kind.name](own[:, 0], sunk, own).T
         return np.exp(points[:, 0]) * bare * self.area_m2, bump, pulse
 
-    def model(self, bodies: Bodies, about: Array | None = None, rows: int = 1) -> Model:
-        """With the errors that a table has ``about`` some point (p,). They are alike in all
-        ``rows`` over one body: with so many times their variance the mean is known no better."""
-        root, log_det = self._root(bodies, about, rows)
+    def model(
+        self, bodies: Bodies, about: Array | None = None, error: Array | None = None,
+        uneven: float = 0.0,
+    ) -> Model:  # fmt: skip
+        """Made linear ``about`` some point (p,), with the covariance ``error`` of what the table is
+        off by, `table_error` there by default.
+
+        ``uneven``: standard deviation of a share of the force that varies along the row in no known
+        way.
+        """
+        if error is None and about is not None:
+            error = self.table_error(bodies, about)
+        covariance, shift = self._noise(bodies, about, error, uneven)
+        lower = np.linalg.cholesky(covariance)
+        root, log_det = np.linalg.inv(lower), 2 * float(np.log(np.diag(lower)).sum())
         count = len(self.measured)
         low, high = bodies.ranges(self.x, self.priors)
 
         def misfit(theta: Array) -> Array:
-            return (self.measured - self.predicted(bodies, theta)) @ root.T
+            return (self.measured - shift - self.predicted(bodies, theta)) @ root.T
 
         def allowed(theta: Array) -> Bools:
+            if not bodies.kinds:
+                return np.ones(len(theta), dtype=bool)
             each = [kind.fits(bodies.of(theta, n, self.block))
                     for n, kind in enumerate(bodies.kinds)]  # fmt: skip
             at = theta[:, [bodies.column(n, "x") for n in range(len(bodies.kinds))]]
@@ -162,7 +188,9 @@ class Likelihood:
         """Of many points of the prior, each with the modulus that suits it, those of least misfit
         that have their bodies at different places."""
         rng = np.random.default_rng(0)
-        points = rng.uniform(model.low, model.high, (DRAWN * len(bodies.kinds), len(model.low)))
+        points = rng.uniform(
+            model.low, model.high, (DRAWN * max(len(bodies.kinds), 1), len(model.low))
+        )
         at = [bodies.column(n, "x") for n in range(len(bodies.kinds))]
         points[:, at] = np.sort(points[:, at], axis=1)
         points = points[model.allowed(points)]
@@ -174,48 +202,50 @@ class Likelihood:
         chi2 = (model.misfit(points) ** 2).sum(axis=1)
         starts: list[Array] = []
         for point in points[np.argsort(chi2)]:
-            if all(np.abs(point[at] - other[at]).max() > APART / 2 for other in starts):
+            if all(np.abs(point[at] - other[at]).max(initial=0.0) > APART / 2 for other in starts):
                 starts.append(point)
             if len(starts) == STARTS:
                 break
         return np.array(starts)
 
-    def _root(self, bodies: Bodies, about: Array | None, rows: int) -> tuple[Array, float]:
-        """The inverse of the covariance's Cholesky factor, and the covariance's log determinant."""
-        data, n, priors = self.data, len(self.x), self.priors
-        slope, force = data.slope_n_per_m, data.force_n
-        x_m = data.x_m - data.x_m.mean()
-        half_m = max(float(np.abs(x_m).max()), 1e-6)
-        steep = slope / force
-        columns = [
-            steep * 1e-3 * priors.tilt_mm_per_m * x_m[:, None],
-            steep * 1e-3 * priors.bow_mm * (x_m[:, None] / half_m) ** 2,
-            steep * 1e-3 * priors.height_mm,
-            1e-3 * priors.zero_mn / force,
-            *(priors.relaxation * np.ones_like(force) * (np.arange(force.shape[1]) == k)
-              for k in range(force.shape[1])),
-            *(1e-3 * priors.repeatability_mm * steep * (np.arange(n) == k)[:, None]
-              for k in range(n)),
-        ]  # fmt: skip
-        of_force = np.array([column.ravel() for column in columns]).T
-        known = np.vstack([of_force, np.zeros((n, of_force.shape[1]))])
+    def _noise(
+        self, bodies: Bodies, about: Array | None, error: Array | None, uneven: float
+    ) -> tuple[Array, Array]:
+        """Covariance of what is measured, and what heights of the surface add to it."""
+        data, forces = self.data, slice(0, self.bare.size)
+        force = data.force_n
         variance = np.append(
             (data.force_sd_n / force) ** 2 + MODEL**2,
             (data.pulse_sd_n**2 + (MODEL_OF_PULSE * data.pulse_n) ** 2) / force[:, -1] ** 2,
         )
-        covariance = np.diag(variance) + known @ known.T
+        own = np.diag(variance)
+        own[forces, forces] += uneven**2 * self._smooth()
+        if error is not None:
+            own += error
+        shift, rest = np.zeros(len(own)), nuisance(data, self.priors, self.power)
         if about is not None:
-            covariance += rows * self._of_table(bodies, about)
-        lower = np.linalg.cholesky(covariance)
-        root = np.linalg.inv(lower)
-        return root, 2 * float(np.log(np.diag(lower)).sum())
+            away = (self.measured - self.predicted(bodies, about[None])[0])[forces]
+            of_forces = own[forces, forces] + rest.covariance
+            heights_m = rest.of_heights @ np.linalg.solve(of_forces, away)
+            rest = nuisance(data, self.priors, self.power, heights_m)
+        shift[forces] = rest.shift
+        own[forces, forces] += rest.covariance
+        return own, shift
 
-    def _of_table(self, bodies: Bodies, about: Array) -> Array:
-        """Covariance of a table's errors about a point: alike over `REACH` and at all depths."""
+    def _smooth(self) -> Array:
+        """Correlation (n d, n d) of what is smooth along the row, and as smooth with each
+        doubling of the depth."""
+        along = np.exp(-0.5 * ((self.x[:, None] - self.x) / SMOOTH) ** 2)
+        log_sunk = np.log(self.sunk)
+        return np.asarray(np.kron(along, np.exp(-0.5 * (log_sunk[:, None] - log_sunk) ** 2)))
+
+    def table_error(self, bodies: Bodies, about: Array) -> Array:
+        """Covariance of what a table is off by about a point (p,): alike over `REACH` and
+        `REACH_SUNK`."""
         near = np.exp(-np.abs(self.x[:, None] - self.x) / REACH)
         near_sunk = np.exp(-0.5 * ((self.sunk[:, None] - self.sunk) / REACH_SUNK) ** 2)
         ratios = [ratio[0] for ratio in self.ratios(bodies, about[None])]
-        total = 1 + np.sum(ratios, axis=0)[..., 0]
+        total = 1 + sum(ratios, np.zeros((*self.bare.shape, 2)))[..., 0]
         n, depths = self.bare.shape
         covariance = np.zeros((n * depths + n, n * depths + n))
         for k, (kind, ratio) in enumerate(zip(bodies.kinds, ratios, strict=True)):

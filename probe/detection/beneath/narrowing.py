@@ -51,14 +51,16 @@ class TwoRows:
 
     def model(self) -> Model | None:
         """Of both rows together, with the errors that the table has about each one's own fit; None
-        where one has no room for a vessel."""
+        where one has no room for a vessel. These errors are alike in both rows: with twice their
+        variance the mean is known no better."""
         rows = self.narrowed_row, self.open_row
         firsts = [row.model(ALONE) for row in rows]
         if not all(len(first.starts) for first in firsts):
             return None
         fits = [laplace(first).best for first in firsts]
         of_narrowed, of_open = (
-            row.model(ALONE, fit, len(rows)) for row, fit in zip(rows, fits, strict=True)
+            row.model(ALONE, fit, len(rows) * row.table_error(ALONE, fit))
+            for row, fit in zip(rows, fits, strict=True)
         )
 
         def misfit(theta: Array) -> Array:

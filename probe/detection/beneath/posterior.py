@@ -84,12 +84,13 @@ def sample(model: Model, rng: np.random.Generator) -> Posterior:
     # each point is weighed by all proposals, so that none that missed a part has it weigh too much
     each = [_log_density(logits, proposal) for proposal in proposals]
     log_weight = np.concatenate(heights) - logsumexp(each, axis=0) + np.log(ROUNDS)
-    points = model.at(logits)
-    total = float(logsumexp(log_weight))
-    weights = np.exp(log_weight - total)
+    total, count = float(logsumexp(log_weight)), len(logits)
+    possible = np.isfinite(log_weight)
+    points = model.at(logits[possible])
+    weights = np.exp(log_weight[possible] - total)
     chi2, best, _ = modes[0]
     return Posterior(
-        points, weights, model.at(best[None])[0], chi2, total - np.log(len(weights)),
+        points, weights, model.at(best[None])[0], chi2, total - np.log(count),
         1 / float((weights**2).sum()),
     )  # fmt: skip
 

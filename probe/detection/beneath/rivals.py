@@ -48,11 +48,11 @@ def may_be(thing: ObjectFinding, row_m: Array) -> tuple[Kind, ...]:
     too even to name it; none where it is undecided for another reason, as at an end of the row."""
     if thing.kind in HYPOTHESES:
         return (HYPOTHESES[thing.kind],)
-    even = thing.reason.startswith(EVEN) and not _at_an_end(thing.position_m, row_m)
+    even = thing.reason.startswith(EVEN) and not at_an_end(thing.position_m, row_m)
     return KINDS if even else ()
 
 
-def _at_an_end(x_m: float, row_m: Array) -> bool:
+def at_an_end(x_m: float, row_m: Array) -> bool:
     return int(np.argmin(np.abs(np.sort(row_m) - x_m))) in (0, len(row_m) - 1)
 
 
@@ -71,24 +71,25 @@ def decided(thing: ObjectFinding, vessel: float) -> ObjectFinding:
 
 
 def object_of(
-    n: int, chosen: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float,
-    named: str,
+    n: int, bodies: Bodies, vessel: float, posterior: Posterior, likelihood: Likelihood,
+    face_m2: float, named: str,
 ) -> ObjectFinding:  # fmt: skip
-    """The ``n``-th of two bodies in place of an object ``named`` so, judged by its own bump and
-    pulse: no other name is given, since a bone or a layer may be taken for a second body."""
-    at = likelihood.half_width_m * posterior.points[:, chosen.bodies.column(n, "x")]
+    """The ``n``-th of some bodies in place of an object ``named`` so, judged by its own bump and
+    pulse, a ``vessel`` with that chance: no other name is given, since a bone or a layer may be
+    taken for a second body."""
+    at = likelihood.half_width_m * posterior.points[:, bodies.column(n, "x")]
     low_m, at_m, high_m = likelihood.middle_m + posterior.quantiles(at)
-    bare_n, bump, pulse = likelihood.over(chosen.bodies, n, posterior.points)
+    bare_n, bump, pulse = likelihood.over(bodies, n, posterior.points)
 
     def known(values: Array) -> tuple[float, float]:
         mean = float(posterior.weights @ values)
         return mean, float(np.sqrt(posterior.weights @ (values - mean) ** 2))
 
     contrast, share = known(bump), known(pulse / (1 + bump))
-    said = judge(Seen(*share, *contrast, moving=float(chosen.vessel[n])))
+    said = judge(Seen(*share, *contrast, moving=vessel))
     if said.kind != named:
         said = replace(said, kind=UNDECIDED, reason=MORE_THAN_ONE)
-    if _at_an_end(float(at_m), likelihood.data.x_m):
+    if at_an_end(float(at_m), likelihood.data.x_m):
         said = replace(said, kind=UNDECIDED, reason=AT_AN_END)
     return ObjectFinding(
         said.kind, float(at_m), (float(low_m), float(high_m)), known(bump * bare_n)[0] / face_m2,

@@ -10,6 +10,8 @@ from probe.detection.sizes import UNITS, Sizes, unknown
 
 KNOWN = 0.5
 """Half of an interval over its middle, up to which a length or modulus is stated at all."""
+WORST = 0.01
+"""Chance of a greater misfit, below which the body in the table is not what lies there."""
 AT_THE_END = 0.5
 """Density of a marginal at an end of its range over its greatest, from which that end is the
 range's and not the data's."""

@@ -1,12 +1,13 @@
 """Every press of a recording: its level, its pulse at a rate that all share, and their doubts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
+from probe.detection.finding import stated
 from probe.detection.pulse.at_heart_rate import heart_of, pulse_at
 from probe.detection.pulse.calm_half import clearest_part
 from probe.detection.pulse.causes import Cause
@@ -250,3 +251,10 @@ def _barely_seen(each: list[_Own], pulses: list[Pulse | None]) -> list[Pulse | N
         return replace(pulse, size_sd_pa=float(np.hypot(pulse.size_sd_pa, largest_pa)))
 
     return [doubted(own, pulse) for own, pulse in zip(each, pulses, strict=True)]
+
+
+def chance_of_pulse(presses: Iterable[Press]) -> float | None:
+    """Posterior probability that what moves in them is a pulse, None where nothing does."""
+    pulsing = [press for press in presses if press.pulsing]
+    asked = [press.cause.pulse for press in pulsing if press.cause is not None]
+    return max(asked, default=stated(1.0)) if pulsing else None
