@@ -15,26 +15,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from probe.core.recording import Recording, Station
+from probe.core.recording import Recording
+from probe.deciding.holds import ends_s, pulse_known
 from probe.deciding.lattice import Lattice
+from probe.deciding.limits import Limits, Positive
 from probe.detection.finding import HEALTHY, Finding, ObjectFinding
-from probe.detection.pulse.estimate import SHORTEST_TRAIN_S
-from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
-from probe.detection.pulse.presses import presses_of
+from probe.detection.pulse.least_pulse import chance_each
 from probe.detection.scan import detect
 from probe.planning.plan import Place, Plan
 from probe.planning.planner import ALL, Done, Press, whole_press
 
-PULSE_N = 2.55e-3
-"""Pulse of the paper's stenotic artery, between 80 and 120 mmHg (`palpate press TISA --x 32 --depth
-2.5 --pressure 80 --pressure 120`): the smallest of its scenes."""
-KNOWN = 0.2
-"""Half the 95 % interval of a pulse that is known, over the pulse. With half and with twice of it
-12 scans (TIHA at 5 mN, TISA at 0.5 and 5 mN) are all named alike; contact is 62, 55 and 53 s."""
 NONE = ("nothing", "one press that differs", "an uneven row")
 """What explains a place without anything beneath it."""
 Chance = Annotated[float, Field(gt=0, lt=0.5)]
-Positive = Annotated[float, Field(gt=0)]
 
 
 class CoarseToFine:
@@ -68,54 +61,43 @@ class CoarseToFine:
         self._levels = iter(levels)
         self._false_alarm = false_alarm / max(2 * (len(levels) - 1), 1)  # two looks at each level
         self._misses = misses
-        self._presses = presses or len(plan.places)
-        self._contact_s, self._dose_n_s = contact_s or np.inf, dose_n_s or np.inf
-        self._holds_s = _holds_s(plan.hold_s)
+        self._limits = Limits(presses, contact_s, dose_n_s)
+        self._holds_s = ends_s(plan.hold_s)
         each = chance_each(false_alarm, len(plan.places))
         self._each = each / max(len(self._holds_s) - 1, 1)
-        self._stations: dict[int, Station] = {}
-        self._recording: Recording | None = None
+        self._readings: dict[int, Recording] = {}
         self._queue: list[Place] = []
         self._besides: bool | None = None  # of this level have been pressed; None: none is begun
 
     def tell(self, reading: Recording) -> None:
         """Keep the press."""
         (station,) = reading.stations
-        self._recording = self._recording or reading
-        self._stations[station.index] = station
+        self._readings[station.index] = reading
 
     def enough(self, reading: Recording) -> bool:
         """The pulse is known, or one that matters would have shown."""
-        (press,) = presses_of(reading, self._each)
-        pulse = press.pulse
-        if pulse is None or (press.cause is not None and not press.pulsing):
-            return False
-        if press.pulsing:
-            return 1.96 * pulse.size_sd_pa <= KNOWN * pulse.size_pa
-        if pulse.search is None:
-            return False
-        return least_pulse_pa(pulse.search, self._each) <= PULSE_N / reading.face_m2
+        return pulse_known(reading, self._each)
 
     def ask(self) -> Press | Done:
         """The next of what was chosen last; after these, what they show chooses anew."""
         while not (queue := self._missing(self._queue)):
             if (done := self._choose()) is not None:
                 return done
-        if (why := self._spent()) is not None:
+        if (why := self._limits.reached(self._plan, list(self._readings.values()))) is not None:
             return Done(why)
         self._queue = queue[1:]
         return replace(whole_press(self._plan, queue[0]), holds_s=self._holds_s)
 
     def _missing(self, places: list[Place]) -> list[Place]:
-        return [place for place in places if place.index not in self._stations]
+        return [place for place in places if place.index not in self._readings]
 
     def _choose(self) -> Done | None:
         """Queue the stations beside what was found, or the next level; or it is done."""
         missing = self._missing(list(self._plan.places))
         if not missing:
             return Done(ALL)
-        if self._besides is not None and self._recording is not None:
-            found = self._look(self._recording)
+        if self._besides is not None and self._readings:
+            found = self._look()
             if not self._besides:
                 self._besides = True
                 points_m = [point for one in found.objects for point in self._points_m(one)]
@@ -125,15 +107,16 @@ class CoarseToFine:
             if found.objects and all(self._decided(one) for one in found.objects):
                 best = max(one.confidence for one in found.objects)
                 return Done(
-                    f"decided after {len(self._stations)} of {len(self._plan.places)} stations: "
+                    f"decided after {len(self._readings)} of {len(self._plan.places)} stations: "
                     f"{found.finding}, {100 * best:.0f} %"
                 )
         self._queue, self._besides = next(self._levels), False
         return None
 
-    def _look(self, reading: Recording) -> Finding:
-        stations = tuple(self._stations[n] for n in sorted(self._stations))
-        whole = replace(reading, stations=stations, finish="completed")
+    def _look(self) -> Finding:
+        readings = [self._readings[n] for n in sorted(self._readings)]
+        stations = tuple(station for reading in readings for station in reading.stations)
+        whole = replace(readings[0], stations=stations, finish="completed")
         return detect(whole, false_alarm=self._false_alarm)
 
     def _decided(self, one: ObjectFinding) -> bool:
@@ -144,38 +127,6 @@ class CoarseToFine:
 
     def _points_m(self, one: ObjectFinding) -> list[tuple[float, float]]:
         """Where it lies: along its course, or in each row."""
-        rows_m = dict.fromkeys(station.y_m for station in self._stations.values())
+        rows_m = dict.fromkeys(reading.stations[0].y_m for reading in self._readings.values())
         points_m = one.course or [(one.position_m, y_m) for y_m in rows_m]
         return [point for point in points_m if np.isfinite(point).all()]
-
-    def _spent(self) -> str | None:
-        """Which limit the next press would exceed."""
-        spent = [_spent(s, self._recording) for s in self._stations.values()]
-        longest_s = self._plan.ramp_s + self._plan.hold_s
-        contact_s = sum(seconds for seconds, _ in spent)
-        dose_n_s = sum(dose for _, dose in spent)
-        force_n = max((dose / seconds for seconds, dose in spent), default=0.0)
-        if len(spent) >= self._presses:
-            return f"{len(spent)} presses are made, as many as planner.presses allows"
-        if contact_s + longest_s > self._contact_s:
-            return f"{contact_s:.1f} s of contact, and planner.contact_s allows no further press"
-        if dose_n_s + force_n * longest_s > self._dose_n_s:
-            return f"a dose of {dose_n_s:.1f} N s, and planner.dose_n_s allows no further press"
-        return None
-
-
-def _holds_s(longest_s: float) -> tuple[float, ...]:
-    """Halves, quarters ... of the longest hold in which a train of beats can be told from what else
-    moves, ascending."""
-    holds_s = [longest_s]
-    while holds_s[0] / 2 > SHORTEST_TRAIN_S:
-        holds_s.insert(0, holds_s[0] / 2)
-    return tuple(holds_s)
-
-
-def _spent(station: Station, recording: Recording | None) -> tuple[float, float]:
-    """Seconds of contact of a press, and its force times its time [N s]."""
-    pressed = (station.time_s >= station.indent_s) & (station.time_s < station.retract_s)
-    seconds = station.retract_s - station.indent_s
-    face_m2 = recording.face_m2 if recording is not None else np.nan
-    return seconds, float(station.signal_pa[pressed].mean()) * face_m2 * seconds

@@ -1,0 +1,192 @@
+"""Press where most is learnt of what lies beneath a row, and stop when it is decided.
+
+After three presses, spread evenly, every press is the one that tells most about kind and place, by
+the posterior of all that was measured (`probe.detection.beneath.weighed`). A press tells about
+whatever its readings differ in from one hypothesis to the other, more than within each: half the
+logarithm of the ratio of variances is about the information [nat] of a Gaussian reading (Lindley
+1956, An. Math. Stat. 27, 986).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from drivers.core.arrays import Array
+from probe.core.recording import Recording
+from probe.deciding.holds import ends_s, pulse_known
+from probe.deciding.limits import Limits, Positive
+from probe.detection.beneath.hypotheses import Likelihood
+from probe.detection.beneath.row_evidence import FEWEST, RowEvidence, row_evidence
+from probe.detection.beneath.weighed import NOTHING, Weighed
+from probe.detection.classify.kinds import ELSE
+from probe.detection.finding import LUMP, VESSELS
+from probe.detection.pulse.least_pulse import chance_each
+from probe.detection.pulse.presses import presses_of
+from probe.detection.repeats import pitch_m
+from probe.planning.plan import Place, Plan
+from probe.planning.planner import ALL, Done, Press
+
+Chance = Annotated[float, Field(gt=0, lt=0.5)]
+DRAWS = 200
+"""Points of a posterior by which a press is chosen."""
+LEAST = 1e-3
+"""Information [nat] of a press that is still worth its contact. Over the paper's lump at 0.5 mN the
+ninth press is the last; six more move its chance from 90 to 91 %."""
+APART_M = 2e-3
+"""Places as near as that are one to a choice."""
+
+
+class Decide:
+    """The most telling press next, until what lies beneath is known.
+
+    Parameters
+    ----------
+    plan
+        The stations to choose among, in one row, and the longest hold.
+    false_alarm
+        The chance that the scan stops for something where there is nothing.
+    misses
+        The chance that it stops for nothing where something lies, or for a lump where a vessel
+        does, or the other way round. Whether a vessel is healthy is named as `detect` does.
+    place_mm
+        Half of the 95 % interval to which the place of what was found is to be known; by default
+        the distance of two stations.
+    presses, contact_s, dose_n_s
+        Where it stops in any case: presses, seconds of contact, and the force times its time
+        [N s]. By default only the plan limits them.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        *,
+        false_alarm: Chance = 0.01,
+        misses: Chance = 0.05,
+        place_mm: Positive | None = None,
+        presses: Annotated[int, Field(ge=1)] | None = None,
+        contact_s: Positive | None = None,
+        dose_n_s: Positive | None = None,
+    ) -> None:
+        if len({place.y_m for place in plan.places}) > 1:
+            raise ValueError('it chooses along one row; for a grid say "coarse-to-fine"')
+        self._plan = plan
+        self._false_alarm, self._misses = false_alarm, misses
+        x_m = np.array([place.x_m for place in plan.places])
+        self._place_m = 1e-3 * place_mm if place_mm else pitch_m(x_m)
+        self._limits = Limits(presses, contact_s, dose_n_s)
+        self._holds_s = ends_s(plan.hold_s)
+        each = chance_each(false_alarm / 2, len(plan.places))
+        self._each = each / max(len(self._holds_s) - 1, 1)
+        self._readings: dict[int, Recording] = {}
+
+    def tell(self, reading: Recording) -> None:
+        """Keep the press."""
+        (station,) = reading.stations
+        self._readings[station.index] = reading
+
+    def enough(self, reading: Recording) -> bool:
+        """The pulse is known, or one that matters would have shown."""
+        return pulse_known(reading, self._each)
+
+    def ask(self) -> Press | Done:
+        """The station that tells most; the first are in the middle of each third of the row."""
+        rest = [place for place in self._plan.places if place.index not in self._readings]
+        if not rest:
+            return Done(ALL)
+        if (why := self._limits.reached(self._plan, list(self._readings.values()))) is not None:
+            return Done(why)
+        place = self._first(rest)
+        if place is None:
+            evidence = self._evidence()
+            if evidence and (said := self._decided(evidence)):
+                return Done(
+                    f"decided after {len(self._readings)} of {len(self._plan.places)} stations: "
+                    + said
+                )
+            place, gain = _most_telling(evidence, rest) if evidence else (rest[0], np.inf)
+            if gain < LEAST:
+                return Done(
+                    f"no station that is left tells more after {len(self._readings)} of "
+                    f"{len(self._plan.places)}"
+                )
+        return Press(place, self._plan.indentation_m, self._holds_s)
+
+    def _first(self, rest: Sequence[Place]) -> Place | None:
+        """What is still to be pressed before anything is weighed."""
+        x_m = np.array([place.x_m for place in self._plan.places])
+        thirds_m = x_m.min() + np.ptp(x_m) * (np.array([1, 0, 2]) + 0.5) / FEWEST
+        wanted = [self._plan.places[int(np.argmin(np.abs(x_m - at_m)))] for at_m in thirds_m]
+        return next((place for place in wanted if place in rest), None)
+
+    def _evidence(self) -> RowEvidence | None:
+        readings = [self._readings[n] for n in sorted(self._readings)]
+        stations = tuple(station for reading in readings for station in reading.stations)
+        row = replace(readings[0], stations=stations, finish="completed")
+        return row_evidence(row, presses_of(row, self._false_alarm / 2))
+
+    def _decided(self, evidence: RowEvidence) -> str | None:
+        thing, chances = evidence.thing, evidence.hypotheses.chances
+        if thing is None:
+            something = 1 - chances[NOTHING]
+            return f"nothing, {100 * chances[NOTHING]:.0f} %" if something <= self._misses else None
+        low_m, high_m = thing.position_ci_m
+        placed = high_m - low_m <= 2 * self._place_m
+        there = thing.chances[NOTHING] + thing.chances[ELSE] <= self._false_alarm
+        vessel = sum(thing.chances[name] for name in VESSELS)
+        other = thing.chances[LUMP] if thing.is_vessel else vessel
+        if not (thing.is_named and there and placed and other <= self._misses):
+            return None
+        return f"{thing.kind}, {100 * thing.confidence:.0f} %"
+
+
+def _most_telling(evidence: RowEvidence, rest: Sequence[Place]) -> tuple[Place, float]:
+    """Of the stations that are left the one with the most information on kind and place, and how
+    much that is [nat]."""
+    likelihood, row = evidence.likelihood, evidence.hypotheses
+    x = (np.array([place.x_m for place in rest]) - likelihood.middle_m) / likelihood.half_width_m
+    readings, weight, group = _predicted(row, likelihood, x)
+    gain = sum(_information(readings[..., k], weight, group, noise)
+               for k, noise in enumerate(_noise(likelihood)))  # fmt: skip
+    return rest[int(np.argmax(gain))], float(np.max(gain))
+
+
+def _predicted(row: Weighed, likelihood: Likelihood, x: Array) -> tuple[Array, Array, Array]:
+    """Share of the bare force that is added and pulse over force (m, n, 2) at places ``x`` (n,) for
+    points of the posterior, their weights (m,), and of which kind and place each is (m,)."""
+    readings, weight = [np.zeros((1, len(x), 2))], [np.array([row.chances[NOTHING]])]
+    group, rng = [np.array([-1])], np.random.default_rng(0)
+    for n, (name, (bodies, posterior)) in enumerate(row.posteriors.items()):
+        drawn = rng.choice(len(posterior.points), DRAWS, p=posterior.weights)
+        points = posterior.points[drawn]
+        added, pulse = np.moveaxis(likelihood.ratios(bodies, points, x)[0][:, :, -1], -1, 0)
+        total = np.maximum(1 + added, 1e-3)
+        readings.append(np.stack([np.log(total), pulse / total], axis=-1))
+        weight.append(np.full(DRAWS, row.chances[name] / DRAWS))
+        at_m = likelihood.half_width_m * points[:, bodies.column(0, "x")]
+        group.append(1000 * n + np.round(at_m / APART_M))
+    return np.concatenate(readings), np.concatenate(weight), np.concatenate(group)
+
+
+def _noise(likelihood: Likelihood) -> tuple[float, float]:
+    """Standard deviations of a press's force and pulse, over its force."""
+    data, priors = likelihood.data, likelihood.priors
+    force = float(np.median(data.force_n[:, -1]))
+    steep = float(np.median(data.slope_n_per_m[:, -1])) / force
+    heights_m = 1e-3 * np.hypot(priors.waves_mm, priors.repeatability_mm)
+    noise = float(np.median(data.force_sd_n[:, -1])) / force
+    return float(np.hypot(noise, steep * heights_m)), float(np.median(data.pulse_sd_n)) / force
+
+
+def _information(value: Array, weight: Array, group: Array, noise: float) -> Array:
+    """Of a reading (m, n) with its ``noise`` about the groups (m,), at each of n places [nat]."""
+    weight = weight / weight.sum()
+    away = value - weight @ value
+    _, of = np.unique(group, return_inverse=True)
+    share = np.bincount(of, weight)
+    mean = np.stack([np.bincount(of, weight * column) for column in away.T], axis=1)
+    between = (mean**2 / np.maximum(share, 1e-300)[:, None]).sum(axis=0)
+    within = weight @ away**2 - between
+    return np.asarray(0.5 * np.log1p(between / (np.maximum(within, 0) + noise**2)))
