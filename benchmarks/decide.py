@@ -191,7 +191,7 @@ def main(rows: int = 20) -> None:
     """Judge so many rows of each kind at each noise."""
     jobs = [(scan, kind, seed) for seed in range(rows) for kind in KINDS for scan in SCANS]
     answers = ("found", "presses", "contact_s", "longest_choice_s", "detect_s", "off_mm", "inside")
-    fill(OUT, ("scan", "kind", "seed"), answers, jobs, judge, workers=2)
+    fill(OUT, ("scan", "kind", "seed"), answers, jobs, judge)
     tell()
 
 

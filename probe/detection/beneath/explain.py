@@ -21,7 +21,7 @@ from probe.detection.beneath.rivals import (
     pairs_with,
 )
 from probe.detection.beneath.row_data import row_data
-from probe.detection.beneath.stated import WORST, Misfit, sizes
+from probe.detection.beneath.stated import FEWEST, WORST, Misfit, sizes
 from probe.detection.finding import ObjectFinding
 from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press
@@ -31,9 +31,6 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.table import TouchTable
 
-FEWEST = 100.0
-"""Effective points of a posterior whose 95 % interval is stated; with 100 its ends scatter
-by a tenth of its width."""
 SAMPLERS = 3
 """Tried one after the other: for a vessel one in twelve has too few effective points."""
 MOST = 2

@@ -84,15 +84,16 @@ def sample(model: Model, rng: np.random.Generator) -> Posterior:
     # each point is weighed by all proposals, so that none that missed a part has it weigh too much
     each = [_log_density(logits, proposal) for proposal in proposals]
     log_weight = np.concatenate(heights) - logsumexp(each, axis=0) + np.log(ROUNDS)
-    total, count = float(logsumexp(log_weight)), len(logits)
-    possible = np.isfinite(log_weight)
+    possible, count = np.isfinite(log_weight), len(logits)
+    total = float(logsumexp(log_weight))
     points = model.at(logits[possible])
     weights = np.exp(log_weight[possible] - total)
     chi2, best, _ = modes[0]
+    # none is possible where all that fits well has no room
+    effective = 1 / float((weights**2).sum()) if len(weights) else 0.0
     return Posterior(
-        points, weights, model.at(best[None])[0], chi2, total - np.log(count),
-        1 / float((weights**2).sum()),
-    )  # fmt: skip
+        points, weights, model.at(best[None])[0], chi2, total - np.log(count), effective
+    )
 
 
 class Fit(NamedTuple):

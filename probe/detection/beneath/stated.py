@@ -12,6 +12,9 @@ KNOWN = 0.5
 """Half of an interval over its middle, up to which a length or modulus is stated at all."""
 WORST = 0.01
 """Chance of a greater misfit, below which the body in the table is not what lies there."""
+FEWEST = 100.0
+"""Effective points of a posterior whose 95 % interval is stated; with 100 its ends scatter
+by a tenth of its width."""
 AT_THE_END = 0.5
 """Density of a marginal at an end of its range over its greatest, from which that end is the
 range's and not the data's."""
@@ -36,6 +39,8 @@ def sizes(
 ) -> Sizes:  # fmt: skip
     """What ``rows`` rows say of their ``n``-th body; a second one is over the same vessel where it
     is open."""
+    if isinstance(posterior, Posterior) and posterior.effective < FEWEST:
+        posterior = None
     if not isinstance(posterior, Posterior):
         return unknown(why_unknown(posterior, bodies))
 

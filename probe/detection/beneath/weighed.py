@@ -84,7 +84,8 @@ def weighed(likelihood: Likelihood) -> Weighed | None:
         if logs[kind.name] > likely:
             bodies, model = models[kind.name]
             posterior = sample(model, np.random.default_rng(0))
-            posteriors[kind.name] = bodies, posterior
+            if posterior.effective:
+                posteriors[kind.name] = bodies, posterior
             logs[kind.name] = np.log(prior_of(kind)) + posterior.log_evidence
     total = logsumexp(list(logs.values()))
     chances = {name: float(np.exp(value - total)) for name, value in logs.items()}

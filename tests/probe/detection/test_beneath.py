@@ -11,10 +11,16 @@ import pytest
 import palpate
 from palpate import Recording, Station
 from probe.detection.beneath import explain
-from probe.detection.beneath.explain import known_block, narrowed_sizes, with_sizes
+from probe.detection.beneath.explain import (
+    explained,
+    known_block,
+    narrowed_sizes,
+    with_sizes,
+)
 from probe.detection.beneath.narrowing import TwoRows
 from probe.detection.beneath.posterior import Model, Posterior, laplace, sample
 from probe.detection.beneath.rivals import likeliest
+from probe.detection.beneath.stated import Misfit
 from probe.detection.finding import ObjectFinding
 from probe.detection.priors import priors_of
 from probe.detection.pulse.presses import presses_of
@@ -340,6 +346,16 @@ def test_what_no_table_knows_has_no_sizes(
     for one in scanned(other, tmp_path).objects:
         assert said in one.sizes.undecided["depth"]
         assert np.isnan(one.sizes.depth_m) and one.sizes.as_json()["depth_ci_mm"] is None
+
+
+def test_where_nothing_that_fits_is_possible_there_are_no_samples() -> None:
+    model = Model(
+        np.zeros(1), np.ones(1), lambda theta: 1e3 * (theta - 0.9),
+        lambda theta: theta[:, 0] < 0.5, 0.0, np.array([[0.8]]),
+    )  # fmt: skip
+    posterior = sample(model, np.random.default_rng(0))
+    assert posterior.effective == 0 and posterior.log_evidence == -np.inf
+    assert explained(model, 2) is None or isinstance(explained(model, 2), Misfit)
 
 
 def test_samples_of_a_known_posterior_have_its_moments_and_evidence() -> None:
