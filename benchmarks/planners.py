@@ -1,12 +1,12 @@
-"""The planner decide on rows of random bodies, beside coarse-to-fine and a raster.
+"""Planners on rows of random bodies: presses, contact, and what is found, beside a raster.
 
-    python benchmarks/decide.py [ROWS]
+    python benchmarks/planners.py [ROWS]
 
 Truth is rows of presses of the finite elements, solved at their own places, over nothing, a lump,
 an artery, a stenotic one, and two objects 10 to 18 mm apart: other ranges than the tables', blocks
 56 to 72 mm wide. A rig adds tilt, bow, waves of 10 to 30 mm in half of the rows, a stage's
 repeatability, relaxation, a zero and noise; hearts beat 50 to 100 times a minute. A raster holds
-5 s at all stations. Goes on where docs/results/decide.csv ends.
+5 s at all stations. Goes on where docs/results/planners.csv ends.
 """
 
 import json
@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from coarse_to_fine import held, planned
 from kept import ROOT, Row, exact, fill, run
 from scipy.interpolate import CubicSpline
 
@@ -29,6 +28,7 @@ from probe.core.recording import Recording, Station
 from probe.deciding.coarse_to_fine import CoarseToFine
 from probe.deciding.decide import Decide
 from probe.planning.plan import Place, Plan
+from probe.planning.planner import Press
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.models.train_touch import SUNK, at_depths
 from sim_backend.scene.scene_file import Scene
@@ -41,8 +41,8 @@ SCANS = {f"{planner}, {noise_mn:g} mN": (planner, noise_mn)
          for noise_mn in (0.5, 5.0) for planner in PLANNERS}  # fmt: skip
 DEPTH_M, HIGHEST_M = 2.2e-3, 0.3e-3
 RAMP_S, HOLD_S, RATE_HZ = 1.0, 5.0, 200.0
-CACHE = Path(tempfile.gettempdir()) / "palpate-decide"
-OUT = ROOT / "docs" / "results" / "decide.csv"
+CACHE = Path(tempfile.gettempdir()) / "palpate-planners"
+OUT = ROOT / "docs" / "results" / "planners.csv"
 
 
 def body(kind: str, rng: np.random.Generator, width: float, tissue: float) -> dict[str, Any]:
@@ -147,6 +147,36 @@ def recorded(kind: str, noise_mn: float, seed: int) -> Recording:
         scene.model_dump_json(exclude_none=True, include={"plane", "tissue", "indenter"})
     )
     return Recording(tuple(stations), ("force",), (), face_m2, block=block)
+
+
+def held(one: Station, begin_s: float, noise_pa: Any, hold_s: float = HOLD_S) -> Station:
+    """A press whose hold begins ``begin_s`` into the one that was made."""
+    held_s = one.time_s - one.hold_s
+    kept = (ramp := held_s < 0) | ((held_s >= begin_s) & (held_s < begin_s + hold_s))
+    return replace(
+        one, time_s=np.where(ramp, one.time_s, one.time_s - begin_s)[kept],
+        signal_pa=(one.signal_pa + noise_pa)[kept], saturated=one.saturated[kept],
+        depth_m=one.depth_m[kept], retract_s=one.hold_s + hold_s,
+    )  # fmt: skip
+
+
+def planned(planner: Any, whole: Recording, drawn: dict[int, Any]) -> tuple[list[Station], Any]:
+    """The stations that it presses, and how long each of its choices took [s]."""
+    pressed, took_s = dict[int, Station](), list[float]()
+    while True:
+        began_s = process_time()
+        choice = planner.ask()
+        took_s.append(process_time() - began_s)
+        if not isinstance(choice, Press):
+            return [pressed[n] for n in sorted(pressed)], took_s
+        n = choice.place.index
+        for hold_s in choice.holds_s:
+            station = held(whole.stations[n], *drawn[n], hold_s)
+            reading = replace(whole, stations=(replace(station, retract_s=np.nan),))
+            if hold_s < choice.holds_s[-1] and planner.enough(reading):
+                break
+        pressed[n] = station
+        planner.tell(replace(whole, stations=(station,)))
 
 
 def judge(scan: str, kind: str, seed: int) -> Row:
