@@ -18,8 +18,9 @@ from drivers.core.arrays import Array
 from probe.core.recording import Recording
 from probe.deciding.holds import ends_s, pulse_known
 from probe.deciding.limits import Limits, Positive
+from probe.detection.beneath.explain import FEWEST_PLACES
 from probe.detection.beneath.hypotheses import Likelihood
-from probe.detection.beneath.row_evidence import FEWEST, RowEvidence, row_evidence
+from probe.detection.beneath.row_evidence import RowEvidence, row_evidence
 from probe.detection.beneath.weighed import NOTHING, Weighed
 from probe.detection.classify.kinds import ELSE
 from probe.detection.finding import LUMP, VESSELS
@@ -117,7 +118,7 @@ class Decide:
     def _first(self, rest: Sequence[Place]) -> Place | None:
         """What is still to be pressed before anything is weighed."""
         x_m = np.array([place.x_m for place in self._plan.places])
-        thirds_m = x_m.min() + np.ptp(x_m) * (np.array([1, 0, 2]) + 0.5) / FEWEST
+        thirds_m = x_m.min() + np.ptp(x_m) * (np.array([1, 0, 2]) + 0.5) / FEWEST_PLACES
         wanted = [self._plan.places[int(np.argmin(np.abs(x_m - at_m)))] for at_m in thirds_m]
         return next((place for place in wanted if place in rest), None)
 

@@ -33,6 +33,8 @@ from sim_backend.touch.table import TouchTable
 
 SAMPLERS = 3
 """Tried one after the other: for a vessel one in twelve has too few effective points."""
+FEWEST_PLACES = 3
+"""Of which one may be over what lies there, beside the others."""
 MOST = 2
 """Bodies of a row whose sizes are asked for."""
 NO_ROOM = "the row has no room for it"
@@ -53,6 +55,8 @@ class Known(NamedTuple):
         data = row_data(presses, self.face_m2)
         if data is None:
             return "the run holds no ramps with places and depths"
+        if len(np.unique(data.x_m)) < FEWEST_PLACES:
+            return f"a row of at least {FEWEST_PLACES} stations is needed"
         likelihood = Likelihood(data, self.table, self.scene, self.priors)
         deepest = self.table.depths[1]
         if likelihood.sunk[-1] > 1.01 * deepest:

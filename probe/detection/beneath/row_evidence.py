@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from probe.core.finding_words import AT_AN_END, percent
 from probe.core.recording import Recording
 from probe.detection.beneath.explain import known_block
@@ -19,9 +17,6 @@ from probe.detection.pulse.presses import Press, chance_of_pulse
 from probe.detection.repeats import MIN_NAMED
 from sim_backend.touch.kinds import LUMP as A_LUMP
 from sim_backend.touch.kinds import VESSEL
-
-FEWEST = 3
-"""Presses beside each other, of which one may be over what lies there."""
 
 
 class RowEvidence(NamedTuple):
@@ -58,8 +53,6 @@ def row_evidence(
     known = known_block(recording, priors)
     likelihood = known if isinstance(known, str) else known.row(presses)
     if isinstance(likelihood, str):
-        return None
-    if len(np.unique(likelihood.data.x_m)) < FEWEST:
         return None
     row = weighed(likelihood)
     if row is None or not row.posteriors:

@@ -273,6 +273,25 @@ def test_two_bodies_are_stated_where_one_explains_nothing(tmp_path: Path) -> Non
     assert [body.kind for body in said] == ["undecided"] * 2, "an undecided one names no two"
 
 
+def test_few_presses_are_weighed_and_one_or_two_are_not(tmp_path: Path) -> None:
+    scene = palpate.load_scene("TIHA")
+    run = palpate.scan(palpate.default_rig(scene), scene, tmp_path, seed=3)
+    whole = recording_of(run.path)
+    for stations in ([7], [6, 8], [2, 7, 12]):
+        few = replace(whole, stations=tuple(whole.stations[n] for n in stations))
+        found = palpate.detect(few)
+        (vessel,) = found.objects
+        known = np.isfinite(vessel.sizes.depth_ci_m).any()
+        assert known == (len(stations) >= 3), vessel.sizes
+        if len(stations) >= 3:
+            assert (found.finding, vessel.reason) == ("artery", "")
+            assert vessel.position_ci_m[0] < 32e-3 < vessel.position_ci_m[1]
+        else:
+            assert "a row of at least 3 stations" in vessel.sizes.undecided["depth"]
+        aborted = palpate.detect(replace(few, finish="aborted"))
+        assert aborted.finding in ("undecided", "artery")
+
+
 def test_a_short_row_has_no_room_for_two_bodies(tmp_path: Path) -> None:
     scene = palpate.load_scene("TIT")
     rig = palpate.default_rig(scene)
