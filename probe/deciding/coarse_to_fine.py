@@ -15,22 +15,19 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from probe.core.recording import Recording
-from probe.deciding.holds import ends_s, pulse_known
 from probe.deciding.lattice import Lattice
-from probe.deciding.limits import Limits, Positive
-from probe.detection.finding import HEALTHY, Finding, ObjectFinding
-from probe.detection.pulse.least_pulse import chance_each
+from probe.deciding.limits import Chance, Limits, Positive
+from probe.deciding.presses_made import PressesMade
+from probe.detection.finding import HEALTHY, ObjectFinding
 from probe.detection.scan import detect
 from probe.planning.plan import Place, Plan
 from probe.planning.planner import ALL, Done, Press, whole_press
 
 NONE = ("nothing", "one press that differs", "an uneven row")
 """What explains a place without anything beneath it."""
-Chance = Annotated[float, Field(gt=0, lt=0.5)]
 
 
-class CoarseToFine:
+class CoarseToFine(PressesMade):
     """Far apart first, then finer where something shows.
 
     Parameters
@@ -56,77 +53,56 @@ class CoarseToFine:
         contact_s: Positive | None = None,
         dose_n_s: Positive | None = None,
     ) -> None:
-        self._plan, self._lattice = plan, Lattice(plan.places)
+        super().__init__(plan, false_alarm, Limits(presses, contact_s, dose_n_s))
+        self._lattice = Lattice(plan.places)
         levels = list(self._lattice.levels())
         self._levels = iter(levels)
         self._false_alarm = false_alarm / max(2 * (len(levels) - 1), 1)  # two looks at each level
         self._misses = misses
-        self._limits = Limits(presses, contact_s, dose_n_s)
-        self._holds_s = ends_s(plan.hold_s)
-        each = chance_each(false_alarm, len(plan.places))
-        self._each = each / max(len(self._holds_s) - 1, 1)
-        self._readings: dict[int, Recording] = {}
         self._queue: list[Place] = []
         self._besides: bool | None = None  # of this level have been pressed; None: none is begun
 
-    def tell(self, reading: Recording) -> None:
-        """Keep the press."""
-        (station,) = reading.stations
-        self._readings[station.index] = reading
-
-    def enough(self, reading: Recording) -> bool:
-        """The pulse is known, or one that matters would have shown."""
-        return pulse_known(reading, self._each)
-
     def ask(self) -> Press | Done:
         """The next of what was chosen last; after these, what they show chooses anew."""
-        while not (queue := self._missing(self._queue)):
+        while not (queue := list(filter(self._is_missing, self._queue))):
             if (done := self._choose()) is not None:
                 return done
-        if (why := self._limits.reached(self._plan, list(self._readings.values()))) is not None:
+        if (why := self._spent()) is not None:
             return Done(why)
         self._queue = queue[1:]
         return replace(whole_press(self._plan, queue[0]), holds_s=self._holds_s)
 
-    def _missing(self, places: list[Place]) -> list[Place]:
-        return [place for place in places if place.index not in self._readings]
+    def _is_missing(self, place: Place) -> bool:
+        return place.index not in self._readings
 
     def _choose(self) -> Done | None:
         """Queue the stations beside what was found, or the next level; or it is done."""
-        missing = self._missing(list(self._plan.places))
-        if not missing:
+        if not self._missing():
             return Done(ALL)
         if self._besides is not None and self._readings:
-            found = self._look()
+            finding = detect(self._so_far(), false_alarm=self._false_alarm)
             if not self._besides:
                 self._besides = True
-                points_m = [point for one in found.objects for point in self._points_m(one)]
-                self._queue = self._missing(self._lattice.beside(points_m))
+                points_m = [point for thing in finding.objects for point in self._points_m(thing)]
+                self._queue = list(filter(self._is_missing, self._lattice.beside(points_m)))
                 if self._queue:
                     return None
-            if found.objects and all(self._decided(one) for one in found.objects):
-                best = max(one.confidence for one in found.objects)
-                return Done(
-                    f"decided after {len(self._readings)} of {len(self._plan.places)} stations: "
-                    f"{found.finding}, {100 * best:.0f} %"
-                )
+            if finding.objects and all(self._decided(thing) for thing in finding.objects):
+                best = max(thing.confidence for thing in finding.objects)
+                return Done(f"decided {self._count}: {finding.finding}, {100 * best:.0f} %")
         self._queue, self._besides = next(self._levels), False
         return None
 
-    def _look(self) -> Finding:
-        readings = [self._readings[n] for n in sorted(self._readings)]
-        stations = tuple(station for reading in readings for station in reading.stations)
-        whole = replace(readings[0], stations=stations, finish="completed")
-        return detect(whole, false_alarm=self._false_alarm)
-
-    def _decided(self, one: ObjectFinding) -> bool:
-        if not one.is_named:
+    def _decided(self, thing: ObjectFinding) -> bool:
+        if not thing.is_named:
             return False
-        none = sum(one.chances.get(name, 0.0) for name in NONE)
-        return none <= self._false_alarm and (one.kind != HEALTHY or one.diseased <= self._misses)
+        none = sum(thing.chances.get(name, 0.0) for name in NONE)
+        return none <= self._false_alarm and (
+            thing.kind != HEALTHY or thing.diseased <= self._misses
+        )
 
-    def _points_m(self, one: ObjectFinding) -> list[tuple[float, float]]:
+    def _points_m(self, thing: ObjectFinding) -> list[tuple[float, float]]:
         """Where it lies: along its course, or in each row."""
         rows_m = dict.fromkeys(reading.stations[0].y_m for reading in self._readings.values())
-        points_m = one.course or [(one.position_m, y_m) for y_m in rows_m]
+        points_m = thing.course or [(thing.position_m, y_m) for y_m in rows_m]
         return [point for point in points_m if np.isfinite(point).all()]

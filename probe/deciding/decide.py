@@ -8,29 +8,25 @@ logarithm of the ratio of variances is about the information [nat] of a Gaussian
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from drivers.core.arrays import Array
-from probe.core.recording import Recording
-from probe.deciding.holds import ends_s, pulse_known
-from probe.deciding.limits import Limits, Positive
+from probe.deciding.limits import Chance, Limits, Positive
+from probe.deciding.presses_made import PressesMade
 from probe.detection.beneath.explain import FEWEST_PLACES
 from probe.detection.beneath.hypotheses import Likelihood
 from probe.detection.beneath.row_evidence import RowEvidence, row_evidence
 from probe.detection.beneath.weighed import NOTHING, Weighed
 from probe.detection.classify.kinds import ELSE
 from probe.detection.finding import LUMP, VESSELS
-from probe.detection.pulse.least_pulse import chance_each
 from probe.detection.pulse.presses import presses_of
 from probe.detection.repeats import pitch_m
 from probe.planning.plan import Place, Plan
 from probe.planning.planner import ALL, Done, Press
 
-Chance = Annotated[float, Field(gt=0, lt=0.5)]
 DRAWS = 200
 """Points of a posterior by which a press is chosen."""
 LEAST = 1e-3
@@ -40,7 +36,7 @@ APART_M = 2e-3
 """Places as near as that are one to a choice."""
 
 
-class Decide:
+class Decide(PressesMade):
     """The most telling press next, until what lies beneath is known.
 
     Parameters
@@ -73,46 +69,26 @@ class Decide:
     ) -> None:
         if len({place.y_m for place in plan.places}) > 1:
             raise ValueError('it chooses along one row; for a grid say "coarse-to-fine"')
-        self._plan = plan
+        super().__init__(plan, false_alarm / 2, Limits(presses, contact_s, dose_n_s))
         self._false_alarm, self._misses = false_alarm, misses
         x_m = np.array([place.x_m for place in plan.places])
         self._place_m = 1e-3 * place_mm if place_mm else pitch_m(x_m)
-        self._limits = Limits(presses, contact_s, dose_n_s)
-        self._holds_s = ends_s(plan.hold_s)
-        each = chance_each(false_alarm / 2, len(plan.places))
-        self._each = each / max(len(self._holds_s) - 1, 1)
-        self._readings: dict[int, Recording] = {}
-
-    def tell(self, reading: Recording) -> None:
-        """Keep the press."""
-        (station,) = reading.stations
-        self._readings[station.index] = reading
-
-    def enough(self, reading: Recording) -> bool:
-        """The pulse is known, or one that matters would have shown."""
-        return pulse_known(reading, self._each)
 
     def ask(self) -> Press | Done:
         """The station that tells most; the first are in the middle of each third of the row."""
-        rest = [place for place in self._plan.places if place.index not in self._readings]
+        rest = self._missing()
         if not rest:
             return Done(ALL)
-        if (why := self._limits.reached(self._plan, list(self._readings.values()))) is not None:
+        if (why := self._spent()) is not None:
             return Done(why)
         place = self._first(rest)
         if place is None:
             evidence = self._evidence()
             if evidence and (said := self._decided(evidence)):
-                return Done(
-                    f"decided after {len(self._readings)} of {len(self._plan.places)} stations: "
-                    + said
-                )
+                return Done(f"decided {self._count}: {said}")
             place, gain = _most_telling(evidence, rest) if evidence else (rest[0], np.inf)
             if gain < LEAST:
-                return Done(
-                    f"no station that is left tells more after {len(self._readings)} of "
-                    f"{len(self._plan.places)}"
-                )
+                return Done(f"no station that is left tells more, {self._count}")
         return Press(place, self._plan.indentation_m, self._holds_s)
 
     def _first(self, rest: Sequence[Place]) -> Place | None:
@@ -123,9 +99,7 @@ class Decide:
         return next((place for place in wanted if place in rest), None)
 
     def _evidence(self) -> RowEvidence | None:
-        readings = [self._readings[n] for n in sorted(self._readings)]
-        stations = tuple(station for reading in readings for station in reading.stations)
-        row = replace(readings[0], stations=stations, finish="completed")
+        row = self._so_far()
         return row_evidence(row, presses_of(row, self._false_alarm / 2))
 
     def _decided(self, evidence: RowEvidence) -> str | None:

@@ -11,6 +11,7 @@ from probe.core.recording import Recording
 from probe.planning.plan import Plan
 
 Positive = Annotated[float, Field(gt=0)]
+Chance = Annotated[float, Field(gt=0, lt=0.5)]
 
 
 @dataclass(frozen=True)
