@@ -4,7 +4,7 @@ import math
 
 from probe.guards.levels import LEVEL_S, MIN_STANDARD_ERRORS
 
-FELT = 0.25  # share of a force to press to that must show on the way down
+SHOWN = 0.25  # share of a force to press to that must show on the way down
 
 
 def least_touch_n(noise_n: float, rate_hz: float, readings: float) -> float:
@@ -48,8 +48,8 @@ def touch_in_noise(
 
 def force_in_noise(name: str, noise_n: float, rate_hz: float, force_n: float) -> str | None:
     """Says so if a mean over `LEVEL_S` of a sensor with ``noise_n`` rms does not show the share
-    `FELT` of ``force_n``; one that does is known to 4 %, a standard error."""
-    least_n = least_touch_n(noise_n, rate_hz, LEVEL_S * rate_hz) / FELT
+    `SHOWN` of ``force_n``; one that does is known to 4 %, a standard error."""
+    least_n = least_touch_n(noise_n, rate_hz, LEVEL_S * rate_hz) / SHOWN
     if not force_n < least_n:
         return None
     return (

@@ -7,7 +7,7 @@ commanded depths and are judged at rest, so that no latency enters the result.
 import math
 
 from drivers import Pose
-from probe.checks.touch_noise import FELT, force_in_noise
+from probe.checks.touch_noise import SHOWN, force_in_noise
 from probe.core.events import Finish
 from probe.guards.force_speed import force_speed_m_s, late_by_s
 from probe.guards.interruption import Interrupted
@@ -23,7 +23,7 @@ REACHED = 0.05  # a force at rest within this of what was asked for
 STEPS = 16  # after the way down, at most; two are usual, and more where noise stopped it early
 NEAR = 0.8  # share of the force that the way down is stopped for
 # How much steeper the next step is than the last, at most: a sphere's force, as depth^1.5, rises
-# from NEAR to the whole 1.22 times as steeply as from FELT to NEAR.
+# from NEAR to the whole 1.22 times as steeply as from SHOWN to NEAR.
 STIFFENS = 1.25
 SMALLEST_STEP_M = 1e-6
 # Of a sensor that clips. A pulse hides what one step adds in one of forty (its 30 mN beside the
@@ -34,7 +34,7 @@ FLAT_STEPS = 2
 class _WayDown:
     """When to stop: the force, and what it rises by in the ``late_s`` until the tip rests.
 
-    ``rise_n`` is what is wanted beyond ``from_n``. What it rises by is as since a share `FELT` of
+    ``rise_n`` is what is wanted beyond ``from_n``. What it rises by is as since a share `SHOWN` of
     that was first measured, ``most_n_s`` at most.
     """
 
@@ -49,20 +49,20 @@ class _WayDown:
     ) -> None:
         self._loop, self._feels, self._from_n, self._rise_n = loop, feels, from_n, rise_n
         self._late_s, self._most_n_s = late_s, most_n_s
-        self._felt_s = math.nan
-        self.felt_n = 0.0
-        self.felt_at: Pose | None = None
+        self._shown_s = math.nan
+        self.shown_n = 0.0
+        self.shown_at: Pose | None = None
 
     def near(self) -> bool:
         now, force_n = self._loop.clock.now(), self._feels.force_n()
         rose_n = force_n - self._from_n
-        if self.felt_at is None:
-            if rose_n < FELT * self._rise_n:
+        if self.shown_at is None:
+            if rose_n < SHOWN * self._rise_n:
                 return False
-            self._felt_s, self.felt_n, self.felt_at = now, force_n, self._loop.monitor.pose()
-        rise_n_s, since_s = self._most_n_s, now - self._felt_s
+            self._shown_s, self.shown_n, self.shown_at = now, force_n, self._loop.monitor.pose()
+        rise_n_s, since_s = self._most_n_s, now - self._shown_s
         if since_s > 0:
-            rise_n_s = min(max(force_n - self.felt_n, 0.0) / since_s, rise_n_s)
+            rise_n_s = min(max(force_n - self.shown_n, 0.0) / since_s, rise_n_s)
         return rose_n + rise_n_s * self._late_s >= NEAR * self._rise_n
 
 
@@ -80,7 +80,7 @@ def press_to_force(
     if (why := force_in_noise(name, noise_n, rate_hz, rise_n)) is not None:
         raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
     rest_error = math.sqrt(2 / max(LEVEL_S * rate_hz, 1.0))  # of a difference of two levels
-    feels = MeanForce(loop, FELT * rise_n, loop.clock.now())
+    feels = MeanForce(loop, SHOWN * rise_n, loop.clock.now())
     late_s = late_by_s(rate_hz, feels.readings, loop.limits.filter_s.get(name, 0.0))
     speed = min(press.depth_m / plan.ramp_s, force_speed_m_s(rise_n, late_s, hardest_n_m))
 
@@ -90,9 +90,9 @@ def press_to_force(
 
     way = _WayDown(loop, feels, from_n, rise_n, late_s, hardest_n_m * speed)
     loop.go(pressed(surface, press.depth_m), speed, until=way.near)
-    felt_m = 0.0 if way.felt_at is None else math.dist(surface[:3], way.felt_at[:3])
-    before_m = felt_m
-    before_n, doubt_n = way.felt_n, 2 * noise_n / math.sqrt(feels.readings)
+    shown_m = 0.0 if way.shown_at is None else math.dist(surface[:3], way.shown_at[:3])
+    before_m = shown_m
+    before_n, doubt_n = way.shown_n, 2 * noise_n / math.sqrt(feels.readings)
     depth_m, force_n = rests()
     slope_n_m, flat = 0.0, 0
     for _ in range(STEPS):
@@ -104,7 +104,7 @@ def press_to_force(
         # tissue never softens by half; and what adds no force is tried again by half a step
         least_n_m = max((2 if flat else 0.5) * slope_n_m, asked_n / press.depth_m)
         slope_n_m = min(max(STIFFENS * secant_n_m, least_n_m), hardest_n_m)
-        in_contact_m = depth_m - max(felt_m - way.felt_n / slope_n_m, 0.0)
+        in_contact_m = depth_m - max(shown_m - way.shown_n / slope_n_m, 0.0)
         step_m = min((asked_n - force_n) / slope_n_m, JUDGED_SHARE * in_contact_m, room_m)
         before_m, before_n = depth_m, force_n
         loop.go(

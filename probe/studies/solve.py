@@ -85,7 +85,7 @@ def _pressed(job: Job, presses: Presses) -> Iterator[tuple[int, Row]]:
             yield from _failed(scenes, x_mm, depth_mm, error)
             continue
         for number, scene in scenes.items():
-            yield number, _answer(pressed, scene, levels)
+            yield number, _press_row(pressed, scene, levels)
 
 
 def _stations(job: Job, presses: Presses) -> Iterator[tuple[int, Row]]:
@@ -112,7 +112,7 @@ def _stations(job: Job, presses: Presses) -> Iterator[tuple[int, Row]]:
         seconds = perf_counter() - began_s
         for depth_mm, scenes in depths.items():
             for number, scene in scenes.items():
-                yield number, _felt(station, scene, depth_mm) | {"seconds": seconds}
+                yield number, _station_row(station, scene, depth_mm) | {"seconds": seconds}
 
 
 def _widest(groups: Iterable[dict[int, Scene]]) -> Scene:
@@ -131,7 +131,7 @@ def _failed(
         yield number, {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
 
 
-def _felt(station: StationResponse, scene: Scene, depth_mm: float) -> Row:
+def _station_row(station: StationResponse, scene: Scene, depth_mm: float) -> Row:
     """A row of a station, with its stated errors."""
     depth_m = 1e-3 * depth_mm
     mmhg = scene_pressures_mmhg(scene)
@@ -152,7 +152,7 @@ def _felt(station: StationResponse, scene: Scene, depth_mm: float) -> Row:
     }  # fmt: skip
 
 
-def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
+def _press_row(pressed: Press, scene: Scene, levels: list[float]) -> Row:
     mmhg = scene_pressures_mmhg(scene)
     low, high = (pressed.states[levels.index(p)] for p in (mmhg[0], mmhg[-1]))
     face_m2 = 1e-6 * scene.face_mm2

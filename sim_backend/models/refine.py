@@ -100,7 +100,7 @@ class Meshes(ABC):
     def floors_pct(self, share: float, solved: Meshed) -> list[Floor]:
         """What it misses at least: two meshes may agree by chance."""
 
-    def rough_pct(self, solved: Meshed) -> float:  # noqa: ARG002
+    def rough_pct(self, _solved: Meshed) -> float:
         """What of the pulse no finer mesh mends [%]."""
         return 0.0
 
