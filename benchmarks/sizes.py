@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from kept import ROOT, Row, exact, fill, read, run
+from scipy.interpolate import CubicSpline
 
 import palpate
 from probe.detection.beneath.explain import explained, narrowed_sizes
@@ -94,7 +95,12 @@ def measured(
     height_m = 5e-3 * rng.normal() * x_m + 30e-6 * rng.normal() * (x_m / x_m.max()) ** 2
     height_m = height_m + 30e-6 * rng.normal() + 8e-6 * rng.normal(size=COUNT)
     row = RowData(at_m, sunk_m, force, np.full_like(force, noise_n), pulse[:, -1], pulse[:, -1])
-    force = force + row.slope_n_per_m * height_m[:, None]
+    # a force is nearly a power of depth
+    deep = np.log(np.maximum(sunk_m + height_m[:, None], 1e-6))
+    force = np.exp([
+        CubicSpline(np.log(sunk_m), np.log(each), bc_type="natural")(at)
+        for each, at in zip(force, deep, strict=True)
+    ])  # fmt: skip
     force = force * (1 + 0.1 * rng.normal(size=len(SUNK))) + 1e-3 * rng.normal()
     force = force + noise_n * rng.normal(size=force.shape)
     beat_n = 0.4 * noise_n  # a pulse of many beats is known better than one level

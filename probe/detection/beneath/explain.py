@@ -116,7 +116,7 @@ def explain_row(
                 object_of(n, pair.bodies, float(p), of_pair, likelihood, face_m2, name)
                 for n, p in enumerate(pair.vessel)
             ]
-    elif isinstance(posterior, Posterior):
+    elif isinstance(posterior, Posterior) and len(objects) > 1:
         objects = [
             decided(thing, float(p)) for thing, p in zip(objects, chosen.vessel, strict=True)
         ]
