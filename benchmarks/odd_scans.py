@@ -25,6 +25,8 @@ SENSOR = "0.5 mN 500 Hz"
 OUT = ROOT / "docs" / "results" / "odd-scans.csv"
 DEPTH_MM, HIGHER_WITH_DEPTH = 2.5, 1.15
 """How deep the scenes are pressed, and the exponent of force over depth under a round finger."""
+LEAST_M = 0.05e-3
+"""A ramp's first depth: what is less counts as this."""
 TAXELS, SPIKES, SPIKE = 9, 30, 0.5
 """Spikes in a hold of one channel, and their size over the level."""
 
@@ -39,9 +41,11 @@ def only(whole: Recording, stations: Iterable[int]) -> Recording:
 
 def deeper(whole: Recording, by_mm: Array) -> Recording:
     """Stations pressed ``by_mm`` (n,) deeper than the stage knows."""
-    grown = (1 + by_mm / DEPTH_MM) ** HIGHER_WITH_DEPTH
-    stations = [replace(one, signal_pa=one.signal_pa * by)
-                for one, by in zip(whole.stations, grown, strict=True)]  # fmt: skip
+    stations = []
+    for one, by in zip(whole.stations, 1e-3 * by_mm, strict=True):
+        known_m = np.maximum(one.depth_m, LEAST_M)
+        grown = (np.maximum(known_m + by, LEAST_M) / known_m) ** HIGHER_WITH_DEPTH
+        stations.append(replace(one, signal_pa=one.signal_pa * grown[:, None]))
     return replace(whole, stations=tuple(stations))
 
 

@@ -1,6 +1,6 @@
 """Planners on rows of random bodies: presses, contact, and what is found, beside a raster.
 
-    python benchmarks/planners.py [ROWS]
+    python benchmarks/planners.py [ROWS [DECIDED]]
 
 Truth is rows of presses of the finite elements, solved at their own places, over nothing, a lump,
 an artery, a stenotic one, and two objects 10 to 18 mm apart: other ranges than the tables', blocks
@@ -217,9 +217,11 @@ def tell() -> None:
               f"inside {inside} %")  # fmt: skip
 
 
-def main(rows: int = 20) -> None:
-    """Judge so many rows of each kind at each noise."""
-    jobs = [(scan, kind, seed) for seed in range(rows) for kind in KINDS for scan in SCANS]
+def main(rows: int = 20, decided: int = 0) -> None:
+    """Judge so many rows of each kind at each noise, by decide alone so many."""
+    jobs = [(scan, kind, seed) for seed in range(max(rows, decided)) for kind in KINDS
+            for scan, (planner, _) in SCANS.items()
+            if seed < rows or planner == "decide"]  # fmt: skip
     answers = ("found", "presses", "contact_s", "longest_choice_s", "detect_s", "off_mm", "inside")
     fill(OUT, ("scan", "kind", "seed"), answers, jobs, judge)
     tell()
