@@ -9,6 +9,7 @@ gain of each depth, a zero, and noise. Of a stenotic artery there is a second ro
 vessel where it is open.
 """
 
+from collections import Counter
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,12 +19,11 @@ from kept import ROOT, Row, exact, fill, read, run
 from scipy.interpolate import CubicSpline
 
 import palpate
-from probe.detection.beneath.explain import explained, narrowed_sizes
-from probe.detection.beneath.hypotheses import HYPOTHESES, Likelihood
+from probe.detection.beneath.grid_sizes import narrowed_sizes
+from probe.detection.beneath.hypotheses import Likelihood
 from probe.detection.beneath.narrowing import TwoRows
-from probe.detection.beneath.rivals import likeliest
 from probe.detection.beneath.row_data import RowData
-from probe.detection.beneath.stated import sizes
+from probe.detection.beneath.row_evidence import evidence_of
 from probe.detection.finding import NARROWED
 from probe.detection.sizes import NAMES, UNITS
 from sim_backend.fem.newton import CannotSolve
@@ -31,9 +31,12 @@ from sim_backend.models.train_touch import SUNK, at_depths
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.bodies import Units
 from sim_backend.touch.kept import table_for
+from sim_backend.touch.kinds import LUMP, VESSEL
 
 KEPT = ROOT / "docs/results/sizes.csv"
 COUNT = 15
+NEAR_M = 5e-3
+BODIES = {"tumour": LUMP, "artery": VESSEL, "stenotic artery": VESSEL}
 KINDS = {"tumour": 1, "artery": 1, "stenotic artery": 2}
 """Rows that each is judged by."""
 ANSWERS = (*(f"{name}_{part}" for name in NAMES for part in ("true", "low", "high")), "found")
@@ -41,7 +44,7 @@ ANSWERS = (*(f"{name}_{part}" for name in NAMES for part in ("true", "low", "hig
 
 def body(kind: str, seed: int) -> np.ndarray:
     """Parameters of a body within what a table knows."""
-    rng, shape = np.random.default_rng([seed, len(kind)]), HYPOTHESES[kind]
+    rng, shape = np.random.default_rng([seed, len(kind)]), BODIES[kind]
     low, high = np.array(shape.low), np.array(shape.high)
     while True:
         theta = low + (high - low) * rng.random(len(low))
@@ -61,7 +64,7 @@ def body(kind: str, seed: int) -> np.ndarray:
 def truth(kind: str, seed: int) -> tuple[np.ndarray, Scene, np.ndarray, list[np.ndarray]]:
     """Parameters (p,), the scene, places (15,) [m], and of each row forces (15, d, 2) [N] at
     diastole and systole."""
-    units, shape = Units(palpate.load_scene("TI")), HYPOTHESES[kind]
+    units, shape = Units(palpate.load_scene("TI")), BODIES[kind]
     while True:
         theta = body(kind, seed)
         scenes = [units.scene((shape, theta))]
@@ -125,10 +128,19 @@ def judged(kind: str, noise_mn: float, seed: int) -> Row | None:
     if others:
         said = narrowed_sizes(TwoRows(first, *others))
     else:
-        found = likeliest([(HYPOTHESES[kind],)], first)
-        assert found is not None
-        said = sizes(found.bodies, 0, explained(found.model, len(first.measured)), first)
-    shape = dict(zip(HYPOTHESES[kind].parameters, theta, strict=True))
+        evidence = evidence_of(first, 1.0, 1e-6 * scene.indenter.face_mm2)
+        if isinstance(evidence, str):
+            return {"found": "unknown"}
+        at_m = first.middle_m + 5e-3 * theta[0]
+        there = [
+            thing for thing, body in zip(evidence.objects, evidence.bodies.kinds, strict=False)
+            if body == BODIES[kind] and abs(thing.position_m - at_m) < NEAR_M
+        ]  # fmt: skip
+        if not there:
+            named = any(thing.is_named for thing in evidence.objects)
+            return {"found": "otherwise" if named else "undecided" if evidence.objects else "none"}
+        said = there[0].sizes
+    shape = dict(zip(BODIES[kind].parameters, theta, strict=True))
     true = {
         "depth": 5e-3 * shape["depth"],
         "diameter": 5e-3 * np.exp(shape.get("log_diameter", shape.get("log_inner", 0.0))),
@@ -148,6 +160,7 @@ def table(path: Path = KEPT) -> None:
         for noise in ("0.5", "5.0"):
             rows = [r for r in read(path) if (r["kind"], r["noise_mn"]) == (kind, noise)]
             rows = [r for r in rows if r["found"]]
+            print(f"{kind} {noise} mN: {dict(Counter(r['found'] for r in rows))}")
             for name in NAMES:
                 ends = [
                     [float(r[f"{name}_{p}"] or "nan") for p in ("low", "true", "high")]

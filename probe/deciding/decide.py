@@ -16,12 +16,12 @@ from pydantic import Field
 from drivers.core.arrays import Array
 from probe.deciding.limits import Chance, Limits, Positive
 from probe.deciding.presses_made import PressesMade
-from probe.detection.beneath.explain import FEWEST_PLACES
 from probe.detection.beneath.hypotheses import Likelihood
-from probe.detection.beneath.row_evidence import RowEvidence, row_evidence
-from probe.detection.beneath.weighed import NOTHING, Weighed
+from probe.detection.beneath.known import FEWEST_PLACES
+from probe.detection.beneath.row_evidence import NONE, RowEvidence, row_evidence
+from probe.detection.beneath.weighed import MOST, Weighed
 from probe.detection.classify.kinds import ELSE
-from probe.detection.finding import LUMP, VESSELS
+from probe.detection.finding import LUMP, VESSELS, ObjectFinding
 from probe.detection.pulse.presses import presses_of
 from probe.detection.repeats import pitch_m
 from probe.planning.plan import Place, Plan
@@ -100,21 +100,24 @@ class Decide(PressesMade):
 
     def _evidence(self) -> RowEvidence | None:
         row = self._so_far()
-        return row_evidence(row, presses_of(row, self._false_alarm / 2))
+        said = row_evidence(row, presses_of(row, self._false_alarm / 2))
+        return None if isinstance(said, str) else said
 
     def _decided(self, evidence: RowEvidence) -> str | None:
-        thing, chances = evidence.thing, evidence.hypotheses.chances
-        if thing is None:
-            something = 1 - chances[NOTHING]
-            return f"nothing, {100 * chances[NOTHING]:.0f} %" if something <= self._misses else None
+        if not evidence.objects:
+            nothing = evidence.hypotheses.of(0)
+            return f"nothing, {100 * nothing:.0f} %" if 1 - nothing <= self._misses else None
+        sure = [thing for thing in evidence.objects if self._named(thing)]
+        return ", ".join(f"{t.kind}, {100 * t.confidence:.0f} %" for t in sure) or None
+
+    def _named(self, thing: ObjectFinding) -> bool:
+        """Whether an object is there, in its place and of its kind, each as surely as is asked."""
         low_m, high_m = thing.position_ci_m
-        placed = high_m - low_m <= 2 * self._place_m
-        there = thing.chances[NOTHING] + thing.chances[ELSE] <= self._false_alarm
+        there = thing.chances[NONE] + thing.chances[ELSE] <= self._false_alarm
         vessel = sum(thing.chances[name] for name in VESSELS)
         other = thing.chances[LUMP] if thing.is_vessel else vessel
-        if not (thing.is_named and there and placed and other <= self._misses):
-            return None
-        return f"{thing.kind}, {100 * thing.confidence:.0f} %"
+        placed = high_m - low_m <= 2 * self._place_m
+        return thing.is_named and there and placed and other <= self._misses
 
 
 def _most_telling(evidence: RowEvidence, rest: Sequence[Place]) -> tuple[Place, float]:
@@ -130,18 +133,21 @@ def _most_telling(evidence: RowEvidence, rest: Sequence[Place]) -> tuple[Place, 
 
 def _predicted(row: Weighed, likelihood: Likelihood, x: Array) -> tuple[Array, Array, Array]:
     """Share of the bare force that is added and pulse over force (m, n, 2) at places ``x`` (n,) for
-    points of the posterior, their weights (m,), and of which kind and place each is (m,)."""
-    readings, weight = [np.zeros((1, len(x), 2))], [np.array([row.chances[NOTHING]])]
-    group, rng = [np.array([-1])], np.random.default_rng(0)
-    for n, (name, (bodies, posterior)) in enumerate(row.posteriors.items()):
+    points of the posterior, their weights (m,), and of which bodies at which places each is
+    (m, 1 + b)."""
+    readings, weight = [np.zeros((1, len(x), 2))], [np.array([row.of(0)])]
+    group, rng = [np.full((1, 1 + MOST), -1.0)], np.random.default_rng(0)
+    for which, (bodies, posterior) in enumerate(row.posteriors.items()):
         drawn = rng.choice(len(posterior.points), DRAWS, p=posterior.weights)
         points = posterior.points[drawn]
-        added, pulse = np.moveaxis(likelihood.ratios(bodies, points, x)[0][:, :, -1], -1, 0)
+        added, pulse = np.moveaxis(likelihood.added(bodies, points, x)[:, :, -1], -1, 0)
         total = np.maximum(1 + added, 1e-3)
         readings.append(np.stack([np.log(total), pulse / total], axis=-1))
-        weight.append(np.full(DRAWS, row.chances[name] / DRAWS))
-        at_m = likelihood.half_width_m * points[:, bodies.column(0, "x")]
-        group.append(1000 * n + np.round(at_m / APART_M))
+        weight.append(np.full(DRAWS, row.chances[bodies] / DRAWS))
+        of = np.full((DRAWS, 1 + MOST), float(which))
+        places_m = likelihood.half_width_m * bodies.places(points).T
+        of[:, 1 : 1 + len(bodies.kinds)] = np.round(places_m / APART_M)
+        group.append(of)
     return np.concatenate(readings), np.concatenate(weight), np.concatenate(group)
 
 
@@ -156,10 +162,10 @@ def _noise(likelihood: Likelihood) -> tuple[float, float]:
 
 
 def _information(value: Array, weight: Array, group: Array, noise: float) -> Array:
-    """Of a reading (m, n) with its ``noise`` about the groups (m,), at each of n places [nat]."""
+    """Of a reading (m, n) with its ``noise`` about the groups (m, g), at each of n places [nat]."""
     weight = weight / weight.sum()
     away = value - weight @ value
-    _, of = np.unique(group, return_inverse=True)
+    _, of = np.unique(group, axis=0, return_inverse=True)
     share = np.bincount(of, weight)
     mean = np.stack([np.bincount(of, weight * column) for column in away.T], axis=1)
     between = (mean**2 / np.maximum(share, 1e-300)[:, None]).sum(axis=0)

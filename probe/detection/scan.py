@@ -10,8 +10,8 @@ from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.core.recording import Recording
-from probe.detection.beneath.explain import with_sizes
-from probe.detection.beneath.row_evidence import by_evidence
+from probe.detection.beneath.grid_sizes import with_sizes
+from probe.detection.beneath.row_evidence import RowEvidence, row_evidence
 from probe.detection.finding import (
     NAMED,
     UNDECIDED,
@@ -42,6 +42,7 @@ from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, chance_of_pulse, presses_of
 from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
+from probe.detection.sizes import unknown
 from probe.detection.unequal_depths import in_words
 from probe.storage.run import recording_of
 
@@ -119,7 +120,12 @@ def detect(
     unfinished = recording.finish != "completed"
     least_pa = float("inf")
     moving = chance_of_pulse(presses)
-    if is_area(recording.stations, judged) or (
+    evidence: RowEvidence | str | None = None
+    if len(lines) == 1 and not unfinished:
+        evidence = row_evidence(recording, lines[0], believed)
+    if isinstance(evidence, RowEvidence):
+        objects, least_pa = evidence.objects, float("nan")
+    elif is_area(recording.stations, judged) or (
         moving is not None and runs_along_rows(presses, _pitch_m(recording))
     ):
         least_pa, lines = float("nan"), []
@@ -133,10 +139,9 @@ def detect(
         objects = [vessel]
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
-    by_all = None if unfinished else by_evidence(recording, lines, objects, believed)
-    if by_all is not None:
-        objects, least_pa = by_all, float("nan")
-    else:
+    if isinstance(evidence, str):
+        objects = [replace(thing, sizes=unknown(evidence)) for thing in objects]
+    elif evidence is None:
         objects = with_sizes(recording, lines, objects, believed)
     objects = [*objects, *_disturbed(presses)]
     objects = [replace(thing, confidence=stated(thing.confidence)) for thing in objects]

@@ -8,13 +8,11 @@ import numpy as np
 
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Recording
-from probe.detection.beneath.explain import explain_row, known_block
-from probe.detection.beneath.posterior import Posterior, laplace
-from probe.detection.beneath.stated import why_unknown
+from probe.detection.beneath.posterior import laplace
+from probe.detection.beneath.row_evidence import row_evidence
 from probe.detection.finding import HEALTHY
 from probe.detection.priors import Priors, priors_of
 from probe.detection.pulse.presses import presses_of
-from probe.detection.scan import detect
 from probe.storage.run import recording_of
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.touch.bodies import Units
@@ -64,34 +62,29 @@ def twin(
     ('artery', None)
     """
     recording, believed = recording_of(source), priors_of(priors)
-    known = known_block(recording, believed)
-    if isinstance(known, str):
-        raise SceneError(f"the scan has no twin: {known}")
-    if len(recording.rows()) > 1:
+    if len(rows := recording.rows()) > 1:
         raise SceneError("the scan has no twin: it is of several rows; a twin is of one")
-    finding = detect(recording, priors=believed)
-    if not finding.objects:
-        raise SceneError(f"the scan has no twin: finding {finding.finding}, {finding.reason}")
-    likelihood = known.row(presses_of(recording, DEFAULT_FALSE_ALARM / 2))
-    if isinstance(likelihood, str):
-        raise SceneError(f"the scan has no twin: {likelihood}")
-    said = explain_row(finding.objects, likelihood, recording.face_m2)
+    presses = presses_of(recording, DEFAULT_FALSE_ALARM / 2)
+    said = row_evidence(recording, [presses[i] for i in rows[0]] if rows else [], believed)
     if isinstance(said, str):
         raise SceneError(f"the scan has no twin: {said}")
-    bodies, model = said.chosen.bodies, said.chosen.model
-    if not isinstance(said.posterior, Posterior):
-        raise SceneError(f"the scan has no twin: {why_unknown(said.posterior, bodies)}")
+    bodies, row, likelihood = said.bodies, said.hypotheses, said.likelihood
+    if not bodies.kinds:
+        raise SceneError("the scan has no twin: nothing lies there")
+    best = row.posteriors[bodies].best
+    model = likelihood.model(bodies, best)
     high, open_at = model.high.copy(), []
     for n, (thing, kind) in enumerate(zip(said.objects, bodies.kinds, strict=True)):
         if kind.beats and thing.kind == HEALTHY:
             open_at.append(bodies.column(n, "narrowing"))
     high[open_at] = OPEN
-    best = laplace(replace(model, high=high, starts=said.posterior.best[None])).best
+    best = laplace(replace(model, high=high)).best
     best[open_at] = 0.0
-    tissue = known.scene.tissue
+    block = likelihood.scene
+    tissue = block.tissue
     assert tissue is not None  # a known block has one
     tissue = tissue.model_copy(update={"modulus_kpa": 1e-3 * float(np.exp(best[0]))})
-    units = Units(known.scene.model_copy(update={"name": "twin", "tissue": tissue}))
+    units = Units(block.model_copy(update={"name": "twin", "tissue": tissue}))
     each = [bodies.of(best[None], n, likelihood.block)[0] for n in range(len(bodies.kinds))]
     scene = units.scene(*zip(bodies.kinds, each, strict=True))
     return _rounded(scene.model_copy(update={"tissue": tissue}))

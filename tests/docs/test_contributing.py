@@ -41,7 +41,7 @@ DEFINED = {
     "planner have to do": "class Planner(Protocol)",
     "coarse-to-fine press": "def levels(",
     "decide press next": "def _most_telling(",
-    "row of few stations": "def weighed(",
+    "row over a known block": "def weighed(",
     "planner that fails": "def _guarded(",
     "hold has a pulse": "def which_pulse",
     "breathing and no pulse": "def is_no_pulse",

@@ -11,12 +11,11 @@ import numpy as np
 
 from drivers.core.arrays import Array, Bools
 from probe.detection.beneath.nuisance import nuisance
-from probe.detection.beneath.posterior import Model
+from probe.detection.beneath.posterior import Model, Posterior
 from probe.detection.beneath.row_data import RowData
-from probe.detection.finding import NAMED, VESSELS
 from probe.detection.priors import DEFAULT, Priors
 from sim_backend.scene.scene_file import Scene
-from sim_backend.touch.kinds import BLOCK, KINDS, LUMP, VESSEL, Kind
+from sim_backend.touch.kinds import BLOCK, KINDS, Kind
 from sim_backend.touch.table import AtDepths, TouchTable, block_of
 
 PA_PER_MMHG = 133.322387415
@@ -31,16 +30,16 @@ REACH, REACH_SUNK = 1.5, 0.25
 """Half widths, along the row and in depth, over which a table's errors are alike: in 20 rows over
 random bodies their correlation is 0.63 at 0.8, 0.33 at 1.6 and 0.18 at 2.4 along it, as an
 exponential's, and 0.84 at 0.2 and 0.28 at 0.44 in depth, as a Gaussian's."""
-SMOOTH = 2.0
-"""Half widths over which what is uneven in no known way is alike: as far as a finger feels."""
+SMOOTH = 1.0
+"""Half widths over which what is uneven in no known way is alike: with twice of it waves of 12 to
+30 mm in the tissue's stiffness are lumps in 3 of 8 rows, with this in one, with 0.6 in one."""
+HEIGHTS = 3
+"""Times that forces are made linear about the heights which follow from them."""
 STEP = 1e-3
 """Of the depth, to take a slope by."""
 DRAWN, STARTS = 2000, 6
 """Points of the prior that are tried for each body, and the best ones that a fit starts from."""
 
-HYPOTHESES: dict[str, Kind] = {name: VESSEL if name in VESSELS else LUMP for name in NAMED}
-"""By the name of an object. Every vessel may be narrowed, by as little as nothing: one row hardly
-tells, and a depth that relies on a healthy one is wrong over a narrowed one."""
 APART = 1.6
 """Half widths between two bodies at least: 8 mm for a finger of 5 mm radius. Bumps add there: two
 lumps at 8, 12 and 16 mm are off by 1.7, 0.5 and 0.1 % of the force, vessels by 0.04 % at most."""
@@ -66,6 +65,10 @@ class Bodies:
     def column(self, n: int, name: str) -> int:
         """Where a parameter of the ``n``-th body is in a point."""
         return self.names.index(f"{n}.{name}")
+
+    def places(self, theta: Array) -> Array:
+        """Where each body lies (b, m), in half widths from the block's middle."""
+        return theta[:, [self.column(n, "x") for n in range(len(self.kinds))]].T
 
     def of(self, theta: Array, n: int, block: Array) -> Array:
         """The ``n``-th body's parameters (m, p) in its units, and its ``block``'s (2,)."""
@@ -103,7 +106,7 @@ class Likelihood:
         self, data: RowData, table: TouchTable, scene: Scene, priors: Priors = DEFAULT
     ) -> None:
         assert scene.tissue is not None
-        self.data, self.table, self.priors = data, table, priors
+        self.data, self.table, self.scene, self.priors = data, table, scene, priors
         self.half_width_m = 0.5e-3 * scene.indenter.width_mm_projected
         self.middle_m = 0.5e-3 * scene.tissue.width_mm
         self.x = (data.x_m - self.middle_m) / self.half_width_m
@@ -126,20 +129,24 @@ class Likelihood:
 
     def predicted(self, bodies: Bodies, theta: Array) -> Array:
         """Logarithms of forces, and pulses over forces (m, n d + n), of ``theta`` (m, p)."""
-        ratios = sum(self.ratios(bodies, theta), np.zeros((len(theta), *self.bare.shape, 2)))
+        ratios = self.added(bodies, theta, self.x)
         total = np.maximum(1 + ratios[..., 0], 1e-3)
         log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(total)
         pulse = (ratios[..., 1] / total)[..., -1]
         return np.hstack([log_force.reshape(len(theta), -1), pulse])
 
-    def ratios(self, bodies: Bodies, theta: Array, x: Array | None = None) -> list[Array]:
-        """Bump and pulse (m, n, d, 2) of each body over the bare block's force, at the row's places
-        or at some ``x`` (n,), in half widths from the block's middle."""
-        x = self.x if x is None else x
+    def ratios(self, bodies: Bodies, theta: Array, x: Array) -> list[Array]:
+        """Bump and pulse (m, n, d, 2) of each body over the bare block's force, at places ``x``
+        (n,), in half widths from the block's middle."""
         return [
             self.at_depths[kind.name](x, bodies.of(theta, n, self.block))
             for n, kind in enumerate(bodies.kinds)
         ]
+
+    def added(self, bodies: Bodies, theta: Array, x: Array) -> Array:
+        """The same of all bodies together: their bumps add (`APART`)."""
+        nothing = np.zeros((len(theta), len(x), len(self.sunk), 2))
+        return sum(self.ratios(bodies, theta, x), nothing)
 
     def over(self, bodies: Bodies, n: int, points: Array) -> tuple[Array, Array, Array]:
         """Right over the ``n``-th body, as deep as a hold is, for points (m, p): the bare block's
@@ -150,15 +157,21 @@ class Likelihood:
         bump, pulse = self.table.ratios[kind.name](own[:, 0], sunk, own).T
         return np.exp(points[:, 0]) * bare * self.area_m2, bump, pulse
 
+    def place_m(self, bodies: Bodies, n: int, posterior: Posterior) -> tuple[float, float, float]:
+        """Of the ``n``-th body: the ends of its 95 % interval, and its median between them."""
+        at_m = self.middle_m + self.half_width_m * bodies.places(posterior.points)[n]
+        low_m, middle_m, high_m = posterior.quantiles(at_m)
+        return float(low_m), float(middle_m), float(high_m)
+
     def model(
         self, bodies: Bodies, about: Array | None = None, error: Array | None = None,
-        uneven: float = 0.0,
+        uneven: Array | float = 0.0,
     ) -> Model:  # fmt: skip
         """Made linear ``about`` some point (p,), with the covariance ``error`` of what the table is
         off by, `table_error` there by default.
 
-        ``uneven``: standard deviation of a share of the force that varies along the row in no known
-        way.
+        ``uneven``: covariance (n d, n d) of a share of the forces that varies along the row in no
+        known way.
         """
         if error is None and about is not None:
             error = self.table_error(bodies, about)
@@ -176,8 +189,8 @@ class Likelihood:
                 return np.ones(len(theta), dtype=bool)
             each = [kind.fits(bodies.of(theta, n, self.block))
                     for n, kind in enumerate(bodies.kinds)]  # fmt: skip
-            at = theta[:, [bodies.column(n, "x") for n in range(len(bodies.kinds))]]
-            return np.asarray(np.all(each, axis=0) & (np.diff(at, axis=1) >= APART).all(axis=1))
+            apart = np.diff(bodies.places(theta), axis=0) >= APART
+            return np.asarray(np.all(each, axis=0) & apart.all(axis=0))
 
         log_norm = -0.5 * (log_det + count * np.log(2 * np.pi))
         model = Model(low, high, misfit, allowed, log_norm, np.empty((0, len(low))))
@@ -209,7 +222,7 @@ class Likelihood:
         return np.array(starts)
 
     def _noise(
-        self, bodies: Bodies, about: Array | None, error: Array | None, uneven: float
+        self, bodies: Bodies, about: Array | None, error: Array | None, uneven: Array | float
     ) -> tuple[Array, Array]:
         """Covariance of what is measured, and what heights of the surface add to it."""
         data, forces = self.data, slice(0, self.bare.size)
@@ -219,32 +232,38 @@ class Likelihood:
             (data.pulse_sd_n**2 + (MODEL_OF_PULSE * data.pulse_n) ** 2) / force[:, -1] ** 2,
         )
         own = np.diag(variance)
-        own[forces, forces] += uneven**2 * self._smooth()
+        own[forces, forces] += uneven
         if error is not None:
             own += error
         shift, rest = np.zeros(len(own)), nuisance(data, self.priors, self.power)
         if about is not None:
             away = (self.measured - self.predicted(bodies, about[None])[0])[forces]
-            of_forces = own[forces, forces] + rest.covariance
-            heights_m = rest.of_heights @ np.linalg.solve(of_forces, away)
-            rest = nuisance(data, self.priors, self.power, heights_m)
+            for _ in range(HEIGHTS):
+                of_forces = own[forces, forces] + rest.covariance
+                heights_m = rest.of_heights @ np.linalg.solve(of_forces, away - rest.shift)
+                rest = nuisance(data, self.priors, self.power, heights_m)
         shift[forces] = rest.shift
         own[forces, forces] += rest.covariance
         return own, shift
 
-    def _smooth(self) -> Array:
+    def smooth(self) -> Array:
         """Correlation (n d, n d) of what is smooth along the row, and as smooth with each
         doubling of the depth."""
         along = np.exp(-0.5 * ((self.x[:, None] - self.x) / SMOOTH) ** 2)
         log_sunk = np.log(self.sunk)
         return np.asarray(np.kron(along, np.exp(-0.5 * (log_sunk[:, None] - log_sunk) ** 2)))
 
+    def one_press(self, n: int) -> Array:
+        """Correlation (n d, n d) of what the ``n``-th press has alone, at all depths alike."""
+        alone = np.arange(len(self.x)) == n
+        return np.asarray(np.kron(np.diag(alone), np.ones(2 * [len(self.sunk)])))
+
     def table_error(self, bodies: Bodies, about: Array) -> Array:
         """Covariance of what a table is off by about a point (p,): alike over `REACH` and
         `REACH_SUNK`."""
         near = np.exp(-np.abs(self.x[:, None] - self.x) / REACH)
         near_sunk = np.exp(-0.5 * ((self.sunk[:, None] - self.sunk) / REACH_SUNK) ** 2)
-        ratios = [ratio[0] for ratio in self.ratios(bodies, about[None])]
+        ratios = [ratio[0] for ratio in self.ratios(bodies, about[None], self.x)]
         total = 1 + sum(ratios, np.zeros((*self.bare.shape, 2)))[..., 0]
         n, depths = self.bare.shape
         covariance = np.zeros((n * depths + n, n * depths + n))

@@ -1,29 +1,32 @@
 """What is known of a model's parameters: the modes of its posterior, then importance sampling.
 
-Parameters lie in a box in which the prior is even; their logits have no ends. Least squares from
-several starts finds modes; a mixture of Student's t distributions about them proposes points, and
-is fitted to the points that weigh most, a few times (adaptive multiple importance sampling, Cornuet
-et al. 2012). The mean weight is the evidence.
+Parameters lie in a box in which the prior is even; their logits have no ends. Damped steps from
+several starts find modes; a mixture of Student's t distributions about them proposes points, and is
+fitted to the points that weigh most, a few times (adaptive multiple importance sampling, Cornuet et
+al. 2012). The mean weight is the evidence.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.special import expit, gammaln, log_expit, logit, logsumexp
 
 from drivers.core.arrays import Array, Bools
 
-ROUNDS, POINTS = 8, 2000
+ROUNDS, POINTS, ENOUGH = 8, 2000, 200.0
+"""Of sampling at most, and points of each; it ends with so many effective ones."""
 FREEDOM = 5.0
 """Degrees of freedom of the proposals, whose tails must be heavier than the posterior's."""
 MODES = 3
-STEP = 1e-5
-SAME_FIT = 3
-"""Decimals of a chi-square to which modes are one: a parameter that means nothing, as a plaque's
-modulus where there is no narrowing, is anywhere in them."""
+"""Modes that are proposed about."""
+NEAR, LOWER = 0.1, 6.0
+"""Of a range, how near modes are one; and how much lower [nat] one may be that matters."""
+STEP, STEPS = 1e-5, 25
+FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-3
+"""Of steps to a mode, over the curvature; its change from step to step (Marquardt 1963 takes 10);
+and what steps gain [nat] at least."""
 FEWEST = 8
 """Effective points a parameter that a proposal is fitted to, by flattening the weights."""
 
@@ -67,33 +70,36 @@ class Posterior:
 
 
 def sample(model: Model, rng: np.random.Generator) -> Posterior:
-    """The posterior of a model."""
+    """The posterior of a model, by as many points as it needs."""
     modes = _modes(model)
-    mixture: list[Component] = [(m, np.asarray(1.5 * np.linalg.inv(c))) for _, m, c in modes]
-    proposals: list[list[Component]] = []
-    drawn: list[Array] = []
-    heights: list[Array] = []
+    mixture: list[Component] = [
+        (mode.logits, np.asarray(1.5 * np.linalg.inv(mode.curvature))) for mode in modes
+    ]
+    mixtures: list[list[Component]] = []
+    logits, heights, density = np.empty((0, len(model.low))), np.empty(0), np.empty(0)
     for _ in range(ROUNDS):
-        proposals.append(mixture)
-        drawn.append(_drawn(mixture, rng))
-        heights.append(_log_posterior(model, drawn[-1]))
-        log_weight = heights[-1] - _log_density(drawn[-1], mixture)
-        if np.isfinite(log_weight).any():
-            mixture = _fitted(drawn[-1], log_weight)
-    logits = np.concatenate(drawn)
-    # each point is weighed by all proposals, so that none that missed a part has it weigh too much
-    each = [_log_density(logits, proposal) for proposal in proposals]
-    log_weight = np.concatenate(heights) - logsumexp(each, axis=0) + np.log(ROUNDS)
-    possible, count = np.isfinite(log_weight), len(logits)
-    total = float(logsumexp(log_weight))
-    points = model.at(logits[possible])
-    weights = np.exp(log_weight[possible] - total)
-    chi2, best, _ = modes[0]
-    # none is possible where all that fits well has no room
-    effective = 1 / float((weights**2).sum()) if len(weights) else 0.0
+        mixtures.append(mixture)
+        drawn = _drawn(mixture, rng)
+        height = _log_posterior(model, drawn)
+        # each point is weighed by all mixtures, so that none that missed a part has it weigh much
+        before = np.logaddexp(density, _log_density(logits, mixture))
+        own = logsumexp([_log_density(drawn, each) for each in mixtures], axis=0)
+        logits, heights = np.vstack([logits, drawn]), np.append(heights, height)
+        density = np.append(before, own)
+        log_weight = heights - density + np.log(len(mixtures))
+        total = float(logsumexp(log_weight))
+        weights = np.exp(log_weight - total) if np.isfinite(total) else np.zeros(len(logits))
+        # none is possible where all that fits well has no room
+        effective = 1 / float((weights**2).sum()) if weights.any() else 0.0
+        if effective >= ENOUGH or not weights.any():
+            break
+        if np.isfinite(height).any():
+            mixture = _fitted(drawn, height - _log_density(drawn, mixture))
+    possible = np.isfinite(heights)
     return Posterior(
-        points, weights, model.at(best[None])[0], chi2, total - np.log(count), effective
-    )
+        model.at(logits[possible]), weights[possible], model.at(modes[0].logits[None])[0],
+        modes[0].chi2, total - np.log(len(logits)), effective,
+    )  # fmt: skip
 
 
 class Fit(NamedTuple):
@@ -108,46 +114,83 @@ def laplace(model: Model) -> Fit:
     """The posterior as Gaussians about its modes (Laplace's approximation)."""
     modes = _modes(model)
     heights = [
-        model.log_norm - 0.5 * chi2 + _log_prior(mode[None])[0]
-        - 0.5 * np.linalg.slogdet(curvature / (2 * np.pi))[1]
-        for chi2, mode, curvature in modes
-    ]  # fmt: skip
-    return Fit(model.at(modes[0][1][None])[0], float(logsumexp(heights)))
+        model.log_norm - mode.cost - 0.5 * np.linalg.slogdet(mode.curvature / (2 * np.pi))[1]
+        for mode in modes
+    ]
+    return Fit(model.at(modes[0].logits[None])[0], float(logsumexp(heights)))
 
 
 Component = tuple[Array, Array]
 """Middle (p,) and covariance (p, p) of a proposal, in logits."""
 
 
-def _modes(model: Model) -> list[tuple[float, Array, Array]]:
-    """Chi-squares, places and curvatures of the least misfits, the best first."""
-    span = model.high - model.low
+class _Mode(NamedTuple):
+    """Where the posterior is highest: logits (p,), chi-square, less the log of the posterior, and
+    its curvature (p, p)."""
 
-    def misfit(unit: Array) -> Array:
-        return np.asarray(model.misfit((model.low + unit * span)[None])[0])
+    logits: Array
+    chi2: float
+    cost: float
+    curvature: Array
 
-    def slopes(unit: Array) -> Array:
-        """All steps at once."""
-        steps = np.where(unit > 0.5, -STEP, STEP)
-        moved = model.misfit(model.low + np.vstack([unit, unit + np.diag(steps)]) * span)
-        return np.asarray((moved[1:] - moved[0]) / steps[:, None]).T
 
-    found = []
-    for start in model.starts:
-        begin = np.clip((start - model.low) / span, 0.02, 0.98)
-        solved = least_squares(misfit, begin, slopes, bounds=(0, 1), x_scale=0.2, max_nfev=25)
-        unit = np.clip(solved.x, 0.01, 0.99)
-        slope = unit * (1 - unit)
-        along = np.asarray(solved.jac) * slope
-        curvature = along.T @ along
-        found.append((2 * solved.cost, logit(unit), curvature + np.diag(2 * slope)))
-    found.sort(key=lambda mode: round(mode[0], SAME_FIT))  # of equal ones the first, not rounding's
-    apart = [found[0]]
-    for one in found[1:]:
-        near = any(np.abs(expit(one[1]) - expit(m[1])).max() < 0.1 for m in apart)
-        if one[0] < found[0][0] + 12 and not near:
-            apart.append(one)
+def _modes(model: Model) -> list[_Mode]:
+    """Those that matter, the highest first."""
+    begin = (model.starts - model.low) / (model.high - model.low)
+    modes = sorted(_climbed(model, logit(np.clip(begin, 0.02, 0.98))), key=lambda mode: mode.cost)
+    apart = modes[:1]
+    for mode in modes[1:]:
+        near = any(np.abs(expit(mode.logits) - expit(m.logits)).max() < NEAR for m in apart)
+        if mode.cost < modes[0].cost + LOWER and not near:
+            apart.append(mode)
     return apart[:MODES]
+
+
+def _climbed(model: Model, logits: Array) -> list[_Mode]:
+    """From all starts (s, p) at once by Levenberg and Marquardt's damped steps (Nocedal and Wright
+    2006, Numerical Optimization, section 10.3)."""
+    at = _Quadratic.about(model, logits)
+    damping, of_itself = np.full(len(logits), FIRST_DAMPING), np.eye(logits.shape[1])
+    for _ in range(STEPS):
+        damped = at.curvature + damping[:, None, None] * of_itself * (1 + at.curvature)
+        step = -np.linalg.solve(damped, at.slope[..., None])[..., 0]
+        foreseen = -(at.slope * step).sum(axis=1)
+        if (foreseen < LEAST_STEP).all():
+            break
+        tried = _Quadratic.about(model, at.logits + step)
+        better = tried.cost < at.cost
+        at = _Quadratic(*(
+            np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+            for new, old in zip(tried, at, strict=True)
+        ))  # fmt: skip
+        damping *= np.where(better, 1 / CHANGE, CHANGE)
+    return [_Mode(*one) for one in zip(at.logits, at.chi2, at.cost, at.curvature, strict=True)]
+
+
+class _Quadratic(NamedTuple):
+    """A posterior about logits (s, p): chi-squares (s,), less its log (s,), that one's slopes (s,
+    p) and curvatures (s, p, p), as where residuals are linear."""
+
+    logits: Array
+    chi2: Array
+    cost: Array
+    slope: Array
+    curvature: Array
+
+    @classmethod
+    def about(cls, model: Model, logits: Array) -> Self:
+        count, size = logits.shape
+        moved = logits[:, None] + STEP * np.vstack([np.zeros(size), np.eye(size)])
+        misfit = model.misfit(model.at(moved.reshape(-1, size))).reshape(count, size + 1, -1)
+        residual, share = misfit[:, 0], expit(logits)
+        along = (misfit[:, 1:] - misfit[:, :1]) / STEP
+        chi2 = (residual**2).sum(axis=1)
+        prior = 2 * share * (1 - share)
+        return cls(
+            logits, chi2, chi2 / 2 - _log_prior(logits),
+            np.einsum("spn,sn->sp", along, residual) + 2 * share - 1,
+            along @ along.swapaxes(1, 2) + prior[:, None, :] * np.eye(size),
+        )  # fmt: skip
 
 
 def _drawn(mixture: list[Component], rng: np.random.Generator) -> Array:

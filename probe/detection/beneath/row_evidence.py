@@ -1,99 +1,135 @@
-"""The one object of a lone row by the evidence of all that its presses measured."""
+"""The objects of a row by the evidence of all that its presses measured."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from drivers.core.arrays import Array
 from probe.core.finding_words import AT_AN_END, percent
 from probe.core.recording import Recording
-from probe.detection.beneath.explain import known_block
-from probe.detection.beneath.hypotheses import Likelihood
-from probe.detection.beneath.rivals import at_an_end, object_of
-from probe.detection.beneath.stated import sizes
-from probe.detection.beneath.weighed import NOTHING, Weighed, weighed
-from probe.detection.classify.kinds import ELSE, EVEN, MIN_POSTERIOR
+from probe.detection.beneath.hypotheses import Bodies, Likelihood
+from probe.detection.beneath.known import known_block
+from probe.detection.beneath.posterior import Posterior
+from probe.detection.beneath.stated import sizes, why_unknown
+from probe.detection.beneath.weighed import MOST, NOTHING, Weighed, weighed
+from probe.detection.classify.kinds import (
+    ELSE,
+    EVEN,
+    MIN_POSTERIOR,
+    REASONS,
+    SIZES,
+    UNEVEN_ROW,
+    Seen,
+    judge,
+)
 from probe.detection.finding import LUMP, NAMED, UNDECIDED, VESSELS, ObjectFinding, stated
 from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press, chance_of_pulse
-from probe.detection.repeats import MIN_NAMED
-from sim_backend.touch.kinds import LUMP as A_LUMP
-from sim_backend.touch.kinds import VESSEL
+
+NONE = "nothing"
+NO_ROOM = "the row has no room for a body"
 
 
 class RowEvidence(NamedTuple):
-    """What is said of a row: its object, None where nothing lies there as far as is known; and all
-    hypotheses."""
+    """What is said of a row: its objects, none where nothing lies there as far as is known; the
+    bodies that these are, and all hypotheses."""
 
-    thing: ObjectFinding | None
+    objects: list[ObjectFinding]
+    bodies: Bodies
     hypotheses: Weighed
     likelihood: Likelihood
 
 
-def by_evidence(
-    recording: Recording, rows: Sequence[Sequence[Press]], objects: Sequence[ObjectFinding],
-    priors: Priors,
-) -> list[ObjectFinding] | None:  # fmt: skip
-    """In place of the ``objects`` of a lone row whose levels name none, or are too few to: what all
-    that its presses measured says; None where it says no more."""
-    if len(rows) != 1 or len(objects) > 1:
-        return None
-    short = len({press.station.x_m for press in rows[0]}) < MIN_NAMED
-    if not short and any(thing.is_named for thing in objects):
-        return None
-    said = row_evidence(recording, rows[0], priors)
-    if said is None or not (short or (said.thing and said.thing.is_named)):
-        return None
-    return [said.thing] if said.thing else []
-
-
 def row_evidence(
     recording: Recording, presses: Sequence[Press], priors: Priors = DEFAULT
-) -> RowEvidence | None:
-    """Of the ``presses`` of a lone row. None where block and finger or the presses' depths are not
-    known, or where neither a single body nor nothing explains the row."""
+) -> RowEvidence | str:
+    """Of the ``presses`` of a row, or why there is none: block, finger or the presses' depths are
+    not known, or no body explains the row."""
     known = known_block(recording, priors)
     likelihood = known if isinstance(known, str) else known.row(presses)
     if isinstance(likelihood, str):
-        return None
+        return likelihood
+    moving = chance_of_pulse(presses)
+    return evidence_of(likelihood, 1.0 if moving is None else moving, recording.face_m2)
+
+
+def evidence_of(likelihood: Likelihood, moving: float, face_m2: float) -> RowEvidence | str:
+    """Of a row over a known block; ``moving`` is the chance that what moves is a pulse."""
     row = weighed(likelihood)
-    if row is None or not row.posteriors:
-        return None
-    chances = row.chances
-    if chances[ELSE] > MIN_POSTERIOR or (row.misfit and chances[NOTHING] < MIN_POSTERIOR):
-        return None
-    if chances[NOTHING] >= MIN_POSTERIOR:
-        return RowEvidence(None, row, likelihood)
-    return RowEvidence(
-        _thing(row, likelihood, chance_of_pulse(presses), recording.face_m2), row, likelihood
-    )
+    if row is None:
+        return NO_ROOM
+    if row.of(0) >= MIN_POSTERIOR:
+        return RowEvidence([], NOTHING, row, likelihood)
+    may_be = [count for count in range(1, MOST + 1) if row.of(count) > 1 - MIN_POSTERIOR]
+    count = max(may_be, default=1)
+    bodies = next((b for b in row.posteriors if len(b.kinds) == count), NOTHING)
+    if row.misfit is not None:
+        return why_unknown(row.misfit, bodies)
+    if row.otherwise >= MIN_POSTERIOR or not bodies.kinds:
+        return REASONS[UNEVEN_ROW]
+    objects = [_object(n, bodies, row, likelihood, moving, face_m2) for n in range(count)]
+    return RowEvidence(objects, bodies, row, likelihood)
 
 
-def _thing(
-    row: Weighed, likelihood: Likelihood, moving: float | None, face_m2: float
+def _object(
+    n: int, bodies: Bodies, row: Weighed, likelihood: Likelihood, moving: float, face_m2: float
 ) -> ObjectFinding:
-    """The likeliest body; ``moving`` is the chance that what moves is a pulse. Whether a vessel is
-    healthy is judged by its bump and its pulse."""
-    vessel = row.chances[VESSEL.name] / row.body
-    bodies, posterior = next(iter(row.posteriors.values()))
-    thing = object_of(0, bodies, 1.0, posterior, likelihood, face_m2, LUMP)
-    of_vessels = sum(thing.chances[name] for name in VESSELS)
-    pulse = 1.0 if moving is None else moving
-    share: dict[str, float] = {
-        name: pulse * row.body * vessel * thing.chances[name] / max(of_vessels, 1e-300)
-        for name in VESSELS
-    }
-    share |= {LUMP: row.chances[A_LUMP.name], ELSE: row.chances[ELSE]}
-    share[NOTHING] = 1 - sum(share.values())
-    kind = max(NAMED, key=lambda name: share[name])
+    """The ``n``-th body. Which kind it is, is judged by its bump and its pulse; but whether it is a
+    vessel by the evidence of the row, if anything beats there."""
+    posterior = row.posteriors[bodies]
+    low_m, at_m, high_m = likelihood.place_m(bodies, n, posterior)
+    bare_n, bump, pulse = likelihood.over(bodies, n, posterior.points)
+    contrast, pulse_share = _known(posterior, bump), _known(posterior, pulse / (1 + bump))
+    lump, vessel = (row.there(n, bodies, beats) for beats in (False, True))
+    if likelihood.data.pulse_n.any():
+        said = judge(Seen(*pulse_share, *contrast))
+        of_kinds = {LUMP: lump} | _shared(vessel * moving, VESSELS, said.chances)
+    else:
+        said = judge(Seen(0.0, 0.0, *contrast, hidden=_hidden(n, bodies, posterior, likelihood)))
+        of_kinds = _shared(lump + vessel, NAMED, said.chances)
+    chances: dict[str, float] = {**of_kinds, NONE: row.of(0)}
+    chances[ELSE] = max(1 - sum(chances.values()), 0.0)
+    kind = max(NAMED, key=lambda name: chances[name])
     reason = ""
-    if share[kind] < MIN_POSTERIOR:
-        said = ", ".join(f"{k} {percent(stated(p))}" for k, p in share.items() if p >= 0.005)
-        reason = f"{EVEN}{said}; press beside it, or hold for more beats"
-    if at_an_end(thing.position_m, likelihood.data.x_m):
+    if at_an_end(at_m, likelihood.data.x_m):
         reason = AT_AN_END
+    elif chances[kind] < MIN_POSTERIOR:
+        shown = ", ".join(f"{k} {percent(stated(p))}" for k, p in chances.items() if p >= 0.005)
+        reason = f"{EVEN}{shown}; press beside it, or hold for more beats"
     return ObjectFinding(
-        UNDECIDED if reason else kind, thing.position_m, thing.position_ci_m, thing.peak_pa,
-        thing.pulse_pa, stated(share[kind]), reason, diseased=thing.diseased,
-        p_stiff=thing.p_stiff if vessel > 0.5 else float("nan"), chances=share,
-        contrast=thing.contrast, pulse_share=thing.pulse_share,
-        sizes=sizes(bodies, 0, posterior, likelihood),
+        UNDECIDED if reason else kind, at_m, (low_m, high_m),
+        _known(posterior, bump * bare_n)[0] / face_m2,
+        _known(posterior, pulse * bare_n)[0] / face_m2, stated(chances[kind]), reason,
+        diseased=said.diseased, p_stiff=said.stiff if vessel > lump else float("nan"),
+        chances=chances, contrast=contrast, pulse_share=pulse_share,
+        sizes=sizes(bodies, n, posterior, likelihood),
     )  # fmt: skip
+
+
+def _shared(whole: float, kinds: Sequence[str], chances: Mapping[str, float]) -> dict[str, float]:
+    """A probability, shared by some kinds as their ``chances``."""
+    total = max(sum(chances[kind] for kind in kinds), 1e-300)
+    return {kind: whole * chances[kind] / total for kind in kinds}
+
+
+def _hidden(n: int, bodies: Bodies, posterior: Posterior, likelihood: Likelihood) -> Array:
+    """Likelihood of pulses of `SIZES` over the force at the ``n``-th body beside that of none,
+    where no press shows one: it falls aside as the bump does."""
+    best = posterior.best[None]
+    _, over, _ = likelihood.over(bodies, n, best)
+    aside = likelihood.ratios(bodies, best, likelihood.x)[n][0, :, -1, 0] / over
+    sd_n = 1 / np.linalg.norm(aside / likelihood.data.pulse_sd_n)
+    force_n = np.interp(bodies.places(best)[n], likelihood.x, likelihood.data.force_n[:, -1])
+    return np.asarray(np.exp(-0.5 * (SIZES * force_n / sd_n) ** 2))
+
+
+def _known(posterior: Posterior, values: Array) -> tuple[float, float]:
+    """Mean and standard deviation of what has these values (m,) at a posterior's points."""
+    mean = float(posterior.weights @ values)
+    return mean, float(np.sqrt(posterior.weights @ (values - mean) ** 2))
+
+
+def at_an_end(x_m: float, row_m: Array) -> bool:
+    """Whether the station nearest to ``x_m`` is the first or the last of a row (n,)."""
+    return int(np.argmin(np.abs(np.sort(row_m) - x_m))) in (0, len(row_m) - 1)

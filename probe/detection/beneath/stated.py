@@ -3,13 +3,14 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc
 
 from probe.detection.beneath.hypotheses import Bodies, Likelihood
 from probe.detection.beneath.posterior import Posterior
 from probe.detection.sizes import UNITS, Sizes, unknown
 
 KNOWN = 0.5
-"""Half of an interval over its middle, up to which a length or modulus is stated at all."""
+"""Half of an interval over its middle, up to which a length or modulus has a value beside it."""
 WORST = 0.01
 """Chance of a greater misfit, below which the body in the table is not what lies there."""
 FEWEST = 100.0
@@ -33,16 +34,22 @@ class Misfit(NamedTuple):
     freedom: int
 
 
+def misfit_of(posterior: Posterior, count: int) -> Misfit | None:
+    """That of a posterior of ``count`` measured numbers, if it is more than chance's."""
+    freedom = count - len(posterior.best)
+    return Misfit(posterior.chi2, freedom) if chdtrc(freedom, posterior.chi2) < WORST else None
+
+
 def sizes(
-    bodies: Bodies, n: int, posterior: Posterior | Misfit | None, likelihood: Likelihood,
+    bodies: Bodies, n: int, posterior: Posterior | Misfit, likelihood: Likelihood,
     rows: int = 1,
 ) -> Sizes:  # fmt: skip
     """What ``rows`` rows say of their ``n``-th body; a second one is over the same vessel where it
     is open."""
-    if isinstance(posterior, Posterior) and posterior.effective < FEWEST:
-        posterior = None
-    if not isinstance(posterior, Posterior):
+    if isinstance(posterior, Misfit):
         return unknown(why_unknown(posterior, bodies))
+    if posterior.effective < FEWEST:
+        return unknown("its posterior could not be sampled well enough to state intervals")
 
     def of(name: str) -> Any:
         return posterior.points[:, bodies.column(n, name)]
@@ -70,21 +77,18 @@ def sizes(
         if unit and not (from_low or from_high) and (upper - lower) / 2 > KNOWN * middle:
             per, said_unit = SHOWN[unit]
             why[name] = f"known only from {per * lower:.3g} to {per * upper:.3g}{said_unit}"
-            continue
         said[f"{name}_ci{unit}"] = bounds
-        if np.isfinite(bounds).all():
+        if name not in why and np.isfinite(bounds).all():
             said[name + unit] = float(middle)
     return Sizes(**said, undecided=why)
 
 
-def why_unknown(posterior: Misfit | None, bodies: Bodies) -> str:
-    """Why bodies have no posterior that states anything."""
-    if posterior is None:
-        return "its posterior could not be sampled well enough to state intervals"
+def why_unknown(misfit: Misfit, bodies: Bodies) -> str:
+    """What a misfit of the likeliest bodies means."""
     how_many = "no single body" if len(bodies.kinds) == 1 else f"no {len(bodies.kinds)} bodies"
     return (
         f"{how_many} in an even block explain{'s' * (len(bodies.kinds) == 1)} this row (misfit "
-        f"{posterior.chi2:.0f} of {posterior.freedom}): more objects, layers, a bone, or "
+        f"{misfit.chi2:.0f} of {misfit.freedom}): more objects, layers, a bone, or "
         "another support"
     )
 

@@ -133,26 +133,6 @@ def judge(seen: Seen, advice: str = "") -> Judged:
     return Judged(UNDECIDED, stated(share[best]), reason, diseased, stiff, share)
 
 
-def by_body(
-    chances: Mapping[str, float], vessel: float
-) -> tuple[Kind, float, Mapping[str, float]] | None:
-    """The kind, its probability and all ``chances`` where it is known by other means that an object
-    is a ``vessel`` with this probability; None where no kind is sure enough.
-
-    Which kind of vessel it is stays as it was.
-    """
-    vessels = sum(chances[kind] for kind in VESSELS)
-    either = vessels + chances[LUMP]
-    if not vessels * chances[LUMP] > 0:
-        return None
-    weights = dict.fromkeys(chances, 1.0)
-    weights |= {LUMP: (1 - vessel) * either / chances[LUMP]}
-    weights |= dict.fromkeys(VESSELS, vessel * either / vessels)
-    share = {name: chance * weights[name] for name, chance in chances.items()}
-    kind = max(NAMED, key=lambda name: share[name])
-    return (kind, stated(share[kind]), share) if share[kind] >= MIN_POSTERIOR else None
-
-
 def posterior(seen: Seen) -> tuple[dict[str, float], float]:
     """Posterior probability of each kind, of something else, of one press that differs, of an
     uneven row and of nothing; and that a vessel is stiff, if it is one.

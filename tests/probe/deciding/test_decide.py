@@ -19,12 +19,16 @@ def decided(scene: str, folder: Path, noise_mn: float = 0.5, **keys: float) -> p
 
 
 @pytest.mark.parametrize(
-    ("scene", "kind"), [("TI", "nothing"), ("TIHA", "artery"), ("TISA", "stenotic artery")]
-)
-def test_it_names_what_lies_there_from_a_few_presses(scene: str, kind: str, tmp_path: Path) -> None:
+    ("scene", "kind", "most"),
+    [("TI", "nothing", 6), ("TIHA", "artery", 6), ("TISA", "stenotic artery", 6),
+     ("TIT", "tumour", 10)],
+)  # fmt: skip
+def test_it_names_what_lies_there_from_a_few_presses(
+    scene: str, kind: str, most: int, tmp_path: Path
+) -> None:
     run = decided(scene, tmp_path)
     stations, found = run.recording().stations, palpate.detect(run.path)
-    assert 3 <= len(stations) <= 6
+    assert 3 <= len(stations) <= most
     assert all(s.retract_s - s.hold_s == pytest.approx(2.5, abs=0.02) for s in stations)
     assert f"of 15 stations: {kind}, " in run.recording().ended
     assert found.finding == kind
@@ -33,23 +37,16 @@ def test_it_names_what_lies_there_from_a_few_presses(scene: str, kind: str, tmp_
         assert low_mm < 32 < high_mm and high_mm - low_mm <= 8
 
 
-def test_it_stops_where_no_press_tells_more(tmp_path: Path) -> None:
-    run = decided("TIT", tmp_path)
-    assert len(run.recording().stations) <= 10
-    assert "no station that is left tells more" in run.recording().ended
-    assert palpate.detect(run.path).finding == "tumour"
-
-
 def test_the_first_presses_are_spread_and_the_next_are_beside_what_shows(tmp_path: Path) -> None:
-    run = decided("TIT", tmp_path, presses=5)
+    run = decided("TIT", tmp_path, presses=4)
     plan = palpate.plan_for(palpate.default_rig())
     whole = palpate.open_run(palpate.scan(palpate.default_rig(), "TIT", tmp_path / "all").path)
-    presses = check_planner(lambda plan: Decide(plan, presses=5), plan, whole.recording())
+    presses = check_planner(lambda plan: Decide(plan, presses=4), plan, whole.recording())
     order = [press.place.index for press in presses]
     assert order[:3] == [7, 2, 12]
     assert all(abs(index - 7) <= 4 for index in order[3:])
-    assert len(run.recording().stations) == 5
-    assert run.recording().ended.startswith("5 presses are made")
+    assert len(run.recording().stations) == 4
+    assert run.recording().ended.startswith("4 presses are made")
 
 
 def test_a_grid_is_refused() -> None:
