@@ -33,6 +33,8 @@ exponential's, and 0.84 at 0.2 and 0.28 at 0.44 in depth, as a Gaussian's."""
 SMOOTH = 1.0
 """Half widths over which what is uneven in no known way is alike: with twice of it waves of 12 to
 30 mm in the tissue's stiffness are lumps in 3 of 8 rows, with this in one, with 0.6 in one."""
+ANY_MODULUS = 1.0
+"""Standard deviation of the tissue's modulus, as a logarithm, where nothing else is asked of it."""
 HEIGHTS = 3
 """Times that forces are made linear about the heights which follow from them."""
 STEP = 1e-3
@@ -253,10 +255,19 @@ class Likelihood:
         log_sunk = np.log(self.sunk)
         return np.asarray(np.kron(along, np.exp(-0.5 * (log_sunk[:, None] - log_sunk) ** 2)))
 
-    def one_press(self, n: int) -> Array:
-        """Correlation (n d, n d) of what the ``n``-th press has alone, at all depths alike."""
-        alone = np.arange(len(self.x)) == n
-        return np.asarray(np.kron(np.diag(alone), np.ones(2 * [len(self.sunk)])))
+    def one_press(self, about: Array, error: Array, share: float) -> Array:
+        """Log of how much likelier (n,) the row is over a bare block, about a point (1,), if each
+        press alone is off by a ``share`` of its forces, a standard deviation: an update of rank one
+        (Sherman and Morrison 1950). The modulus follows."""
+        none = Bodies(())
+        covariance, shift = self._noise(none, about, error, ANY_MODULUS**2)
+        away = self.measured - shift - self.predicted(none, about[None])[0]
+        count, depths = self.bare.shape
+        alone = np.hstack([np.kron(np.eye(count), np.ones(depths)), np.zeros((count, count))])
+        solved = np.linalg.solve(covariance, np.column_stack([away, alone.T]))
+        variance = share**2 * (alone * solved[:, 1:].T).sum(axis=1)
+        explained = (share * (alone @ solved[:, 0])) ** 2 / (1 + variance)
+        return np.asarray(0.5 * (explained - np.log1p(variance)))
 
     def table_error(self, bodies: Bodies, about: Array) -> Array:
         """Covariance of what a table is off by about a point (p,): alike over `REACH` and

@@ -5,7 +5,7 @@ each hypothesis predicts every force along the ramp and every pulse, so that thr
 and two bodies are told from one.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -78,54 +78,29 @@ def prior_of(bodies: Bodies) -> float:
 
 
 def weighed(likelihood: Likelihood) -> Weighed | None:
-    """Weigh a row's hypotheses against each other; None where it has room for no body.
-
-    Bodies in a smoothly uneven row are asked for only where an even one leaves too much
-    unexplained: elsewhere they have next to no evidence.
-    """
+    """Weigh a row's hypotheses against each other; None where it has room for no body."""
     firsts = {bodies: likelihood.model(bodies) for bodies in HYPOTHESES}
     fits = {bodies: laplace(model) for bodies, model in firsts.items() if len(model.starts)}
     if fits.keys() == {NOTHING}:
         return None
-    found = _hypotheses(likelihood, fits)
-    total = logsumexp([hypothesis.log_weight for hypothesis in found])
-    chances, otherwise = dict.fromkeys(fits, 0.0), 0.0
-    posteriors: dict[Bodies, Posterior] = {}
-    for bodies, uneven, log_weight, posterior in found:
-        chance = float(np.exp(log_weight - total))
-        if bodies.kinds:
-            posteriors.setdefault(bodies, posterior)
-        if bodies.kinds or not uneven:
-            chances[bodies] += chance
-        else:
-            otherwise += chance
-    return Weighed(chances, otherwise, posteriors, _misfit(likelihood, found))
+    errors = _errors(likelihood, fits)
+    found = _in_even_row(likelihood, fits, errors)
+    uneven = _uneven(likelihood, fits[NOTHING], errors[NOTHING])
+    total = logsumexp([uneven, *(hypothesis.log_weight for hypothesis in found)])
+    chances = dict.fromkeys(fits, 0.0)
+    for bodies, log_weight, _ in found:
+        chances[bodies] = float(np.exp(log_weight - total))
+    posteriors = {bodies: posterior for bodies, _, posterior in found if bodies.kinds}
+    misfit = misfit_of(found[0].posterior, len(likelihood.measured))
+    return Weighed(chances, float(np.exp(uneven - total)), posteriors, misfit)
 
 
 class _Hypothesis(NamedTuple):
-    """Bodies in an even or ``uneven`` row, the log of prior and evidence, and the posterior."""
+    """Bodies in an even row, the log of prior and evidence, and the posterior."""
 
     bodies: Bodies
-    uneven: bool
     log_weight: float
     posterior: Posterior
-
-
-def _hypotheses(likelihood: Likelihood, fits: Mapping[Bodies, Fit]) -> list[_Hypothesis]:
-    """All that are not hopeless, the likeliest first."""
-    errors = _errors(likelihood, fits)
-    presses, seldom = len(likelihood.x), PRIOR[ELSE] / 2
-    smooth = UNEVEN**2 * likelihood.smooth()
-    found = _in_row(likelihood, fits, errors, 0.0, 1 - PRIOR[ELSE])
-    nothing = {NOTHING: fits[NOTHING]}
-    found += _in_row(likelihood, nothing, errors, smooth, seldom)
-    for n in range(presses):
-        alone = UNEVEN**2 * likelihood.one_press(n)
-        found += _in_row(likelihood, nothing, errors, alone, seldom / presses)
-    if _misfit(likelihood, found) is not None:
-        something = {bodies: fit for bodies, fit in fits.items() if bodies.kinds}
-        found += _in_row(likelihood, something, errors, smooth, seldom)
-    return sorted(found, key=lambda hypothesis: -hypothesis.log_weight)
 
 
 def _errors(likelihood: Likelihood, fits: Mapping[Bodies, Fit]) -> dict[Bodies, Array]:
@@ -139,14 +114,13 @@ def _errors(likelihood: Likelihood, fits: Mapping[Bodies, Fit]) -> dict[Bodies, 
     return errors
 
 
-def _in_row(
-    likelihood: Likelihood, fits: Mapping[Bodies, Fit], errors: Mapping[Bodies, Array],
-    uneven: Array | float, prior: float,
-) -> list[_Hypothesis]:  # fmt: skip
-    """What may lie beneath a row that is ``uneven`` so, and is not hopeless."""
-    models = {bodies: likelihood.model(bodies, fit.best, errors[bodies], uneven)
+def _in_even_row(
+    likelihood: Likelihood, fits: Mapping[Bodies, Fit], errors: Mapping[Bodies, Array]
+) -> list[_Hypothesis]:
+    """All bodies that are not hopeless, the likeliest first."""
+    models = {bodies: likelihood.model(bodies, fit.best, errors[bodies])
               for bodies, fit in fits.items()}  # fmt: skip
-    log_prior = {bodies: np.log(prior * prior_of(bodies)) for bodies in fits}
+    log_prior = {bodies: np.log((1 - PRIOR[ELSE]) * prior_of(bodies)) for bodies in fits}
     first = {bodies: log_prior[bodies] + laplace(model).log_evidence
              for bodies, model in models.items()}  # fmt: skip
     found: list[_Hypothesis] = []
@@ -156,11 +130,17 @@ def _in_row(
         posterior = sample(models[bodies], np.random.default_rng(0))
         if posterior.effective:  # there is room for what fits
             log_weight = log_prior[bodies] + posterior.log_evidence
-            found.append(_Hypothesis(bodies, bool(np.any(uneven)), log_weight, posterior))
-    return found
+            found.append(_Hypothesis(bodies, log_weight, posterior))
+    return sorted(found, key=lambda hypothesis: -hypothesis.log_weight)
 
 
-def _misfit(likelihood: Likelihood, found: Sequence[_Hypothesis]) -> Misfit | None:
-    """Of the likeliest hypothesis."""
-    likely = max(found, key=lambda hypothesis: hypothesis.log_weight)
-    return misfit_of(likely.posterior, len(likelihood.measured))
+def _uneven(likelihood: Likelihood, bare: Fit, error: Array) -> float:
+    """Log of prior and evidence of a bare block whose row is uneven: smoothly, or by any one press
+    alone."""
+    even, smooth = (
+        laplace(likelihood.model(NOTHING, bare.best, error, uneven)).log_evidence
+        for uneven in (0.0, UNEVEN**2 * likelihood.smooth())
+    )
+    one_press = even + likelihood.one_press(bare.best, error, UNEVEN)
+    each = [smooth, logsumexp(one_press) - np.log(len(one_press))]
+    return float(np.log(PRIOR[ELSE] / len(each)) + logsumexp(each))
