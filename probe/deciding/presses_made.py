@@ -74,7 +74,7 @@ def _pulse_known(reading: Recording, each: float) -> bool:
 
 
 def _ends_s(longest_s: float) -> tuple[float, ...]:
-    """Halves, quarters ... of the longest hold in which a train of beats can be told from what else
+    """Halves, quarters ... of the longest hold in which a train of beats is known from what else
     moves, ascending."""
     holds_s = [longest_s]
     while holds_s[0] / 2 > SHORTEST_TRAIN_S:

@@ -191,8 +191,8 @@ class Likelihood:
                 return np.ones(len(theta), dtype=bool)
             each = [kind.fits(bodies.of(theta, n, self.block))
                     for n, kind in enumerate(bodies.kinds)]  # fmt: skip
-            apart = np.diff(bodies.places(theta), axis=0) >= APART
-            return np.asarray(np.all(each, axis=0) & apart.all(axis=0))
+            far_enough = np.diff(bodies.places(theta), axis=0) >= APART
+            return np.asarray(np.all(each, axis=0) & far_enough.all(axis=0))
 
         log_norm = -0.5 * (log_det + count * np.log(2 * np.pi))
         model = Model(low, high, misfit, allowed, log_norm, np.empty((0, len(low))))

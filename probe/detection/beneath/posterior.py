@@ -138,12 +138,12 @@ def _modes(model: Model) -> list[_Mode]:
     """Those that matter, the highest first."""
     begin = (model.starts - model.low) / (model.high - model.low)
     modes = sorted(_climbed(model, logit(np.clip(begin, 0.02, 0.98))), key=lambda mode: mode.cost)
-    apart = modes[:1]
+    distinct = modes[:1]
     for mode in modes[1:]:
-        near = any(np.abs(expit(mode.logits) - expit(m.logits)).max() < NEAR for m in apart)
+        near = any(np.abs(expit(mode.logits) - expit(m.logits)).max() < NEAR for m in distinct)
         if mode.cost < modes[0].cost + LOWER and not near:
-            apart.append(mode)
-    return apart[:MODES]
+            distinct.append(mode)
+    return distinct[:MODES]
 
 
 def _climbed(model: Model, logits: Array) -> list[_Mode]:
@@ -164,7 +164,7 @@ def _climbed(model: Model, logits: Array) -> list[_Mode]:
             for new, old in zip(tried, at, strict=True)
         ))  # fmt: skip
         damping *= np.where(better, 1 / CHANGE, CHANGE)
-    return [_Mode(*one) for one in zip(at.logits, at.chi2, at.cost, at.curvature, strict=True)]
+    return [_Mode(*mode) for mode in zip(at.logits, at.chi2, at.cost, at.curvature, strict=True)]
 
 
 class _Quadratic(NamedTuple):

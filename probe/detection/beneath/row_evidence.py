@@ -26,6 +26,7 @@ from probe.detection.classify.kinds import (
 from probe.detection.finding import LUMP, NAMED, UNDECIDED, VESSELS, ObjectFinding, stated
 from probe.detection.priors import DEFAULT, Priors
 from probe.detection.pulse.presses import Press, chance_of_pulse
+from sim_backend.touch.kinds import aside
 
 NONE = "nothing"
 NO_ROOM = "the row has no room for a body"
@@ -65,7 +66,7 @@ def evidence_of(likelihood: Likelihood, moving: float, face_m2: float) -> RowEvi
     count = max(may_be, default=1)
     bodies = next((b for b in row.posteriors if len(b.kinds) == count), NOTHING)
     if row.misfit is not None:
-        return why_unknown(row.misfit, bodies)
+        return why_unknown(row.misfit)
     if row.otherwise >= MIN_POSTERIOR or not bodies.kinds:
         return REASONS[UNEVEN_ROW]
     objects = [_object(n, bodies, row, likelihood, moving, face_m2) for n in range(count)]
@@ -90,36 +91,38 @@ def _object(
         of_kinds = _shared(lump + vessel, NAMED, said.chances)
     chances: dict[str, float] = {**of_kinds, NONE: row.of(0)}
     chances[ELSE] = max(1 - sum(chances.values()), 0.0)
+    any_vessel = sum(chances[name] for name in VESSELS)
     kind = max(NAMED, key=lambda name: chances[name])
     reason = ""
     if at_an_end(at_m, likelihood.data.x_m):
         reason = AT_AN_END
     elif chances[kind] < MIN_POSTERIOR:
-        shown = ", ".join(f"{k} {percent(stated(p))}" for k, p in chances.items() if p >= 0.005)
-        reason = f"{EVEN}{shown}; press beside it, or hold for more beats"
+        rivals = ", ".join(f"{k} {percent(stated(p))}" for k, p in chances.items() if p >= 0.005)
+        reason = f"{EVEN}{rivals}; press beside it, or hold for more beats"
     return ObjectFinding(
         UNDECIDED if reason else kind, at_m, (low_m, high_m),
         _known(posterior, bump * bare_n)[0] / face_m2,
         _known(posterior, pulse * bare_n)[0] / face_m2, stated(chances[kind]), reason,
-        diseased=said.diseased, p_stiff=said.stiff if vessel > lump else float("nan"),
+        diseased=said.diseased, p_stiff=said.stiff if any_vessel > chances[LUMP] else float("nan"),
         chances=chances, contrast=contrast, pulse_share=pulse_share,
         sizes=sizes(bodies, n, posterior, likelihood),
     )  # fmt: skip
 
 
-def _shared(whole: float, kinds: Sequence[str], chances: Mapping[str, float]) -> dict[str, float]:
-    """A probability, shared by some kinds as their ``chances``."""
+def _shared(
+    probability: float, kinds: Sequence[str], chances: Mapping[str, float]
+) -> dict[str, float]:
+    """A ``probability`` that some kinds share as their ``chances``."""
     total = max(sum(chances[kind] for kind in kinds), 1e-300)
-    return {kind: whole * chances[kind] / total for kind in kinds}
+    return {kind: probability * chances[kind] / total for kind in kinds}
 
 
 def _hidden(n: int, bodies: Bodies, posterior: Posterior, likelihood: Likelihood) -> Array:
     """Likelihood of pulses of `SIZES` over the force at the ``n``-th body beside that of none,
     where no press shows one: it falls aside as the bump does."""
     best = posterior.best[None]
-    _, over, _ = likelihood.over(bodies, n, best)
-    aside = likelihood.ratios(bodies, best, likelihood.x)[n][0, :, -1, 0] / over
-    sd_n = 1 / np.linalg.norm(aside / likelihood.data.pulse_sd_n)
+    _, falls = aside(likelihood.x, bodies.of(best, n, likelihood.block))
+    sd_n = 1 / np.linalg.norm(falls / likelihood.data.pulse_sd_n)
     force_n = np.interp(bodies.places(best)[n], likelihood.x, likelihood.data.force_n[:, -1])
     return np.asarray(np.exp(-0.5 * (SIZES * force_n / sd_n) ** 2))
 

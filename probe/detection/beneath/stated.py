@@ -47,7 +47,7 @@ def sizes(
     """What ``rows`` rows say of their ``n``-th body; a second one is over the same vessel where it
     is open."""
     if isinstance(posterior, Misfit):
-        return unknown(why_unknown(posterior, bodies))
+        return unknown(why_unknown(posterior))
     if posterior.effective < FEWEST:
         return unknown("its posterior could not be sampled well enough to state intervals")
 
@@ -83,13 +83,11 @@ def sizes(
     return Sizes(**said, undecided=why)
 
 
-def why_unknown(misfit: Misfit, bodies: Bodies) -> str:
-    """What a misfit of the likeliest bodies means."""
-    how_many = "no single body" if len(bodies.kinds) == 1 else f"no {len(bodies.kinds)} bodies"
+def why_unknown(misfit: Misfit) -> str:
+    """What a misfit of the likeliest hypothesis means."""
     return (
-        f"{how_many} in an even block explain{'s' * (len(bodies.kinds) == 1)} this row (misfit "
-        f"{misfit.chi2:.0f} of {misfit.freedom}): more objects, layers, a bone, or "
-        "another support"
+        f"no one or two bodies in an even block explain this row (misfit {misfit.chi2:.0f} of "
+        f"{misfit.freedom}): more objects, layers, a bone, or another support"
     )
 
 

@@ -84,14 +84,14 @@ def weighed(likelihood: Likelihood) -> Weighed | None:
     if fits.keys() == {NOTHING}:
         return None
     errors = _errors(likelihood, fits)
-    found = _in_even_row(likelihood, fits, errors)
+    likely = _in_even_row(likelihood, fits, errors)
     uneven = _uneven(likelihood, fits[NOTHING], errors[NOTHING])
-    total = logsumexp([uneven, *(hypothesis.log_weight for hypothesis in found)])
+    total = logsumexp([uneven, *(hypothesis.log_weight for hypothesis in likely)])
     chances = dict.fromkeys(fits, 0.0)
-    for bodies, log_weight, _ in found:
+    for bodies, log_weight, _ in likely:
         chances[bodies] = float(np.exp(log_weight - total))
-    posteriors = {bodies: posterior for bodies, _, posterior in found if bodies.kinds}
-    misfit = misfit_of(found[0].posterior, len(likelihood.measured))
+    posteriors = {bodies: posterior for bodies, _, posterior in likely if bodies.kinds}
+    misfit = misfit_of(likely[0].posterior, len(likelihood.measured))
     return Weighed(chances, float(np.exp(uneven - total)), posteriors, misfit)
 
 
@@ -123,15 +123,16 @@ def _in_even_row(
     log_prior = {bodies: np.log((1 - PRIOR[ELSE]) * prior_of(bodies)) for bodies in fits}
     first = {bodies: log_prior[bodies] + laplace(model).log_evidence
              for bodies, model in models.items()}  # fmt: skip
-    found: list[_Hypothesis] = []
+    sampled: list[_Hypothesis] = []
     for bodies in sorted(first, key=lambda bodies: -first[bodies]):
-        if first[bodies] < max((one.log_weight for one in found), default=-np.inf) - HOPELESS:
+        greatest = max((hypothesis.log_weight for hypothesis in sampled), default=-np.inf)
+        if first[bodies] < greatest - HOPELESS:
             break
         posterior = sample(models[bodies], np.random.default_rng(0))
         if posterior.effective:  # there is room for what fits
             log_weight = log_prior[bodies] + posterior.log_evidence
-            found.append(_Hypothesis(bodies, log_weight, posterior))
-    return sorted(found, key=lambda hypothesis: -hypothesis.log_weight)
+            sampled.append(_Hypothesis(bodies, log_weight, posterior))
+    return sorted(sampled, key=lambda hypothesis: -hypothesis.log_weight)
 
 
 def _uneven(likelihood: Likelihood, bare: Fit, error: Array) -> float:
