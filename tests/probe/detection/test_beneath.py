@@ -366,3 +366,23 @@ def test_samples_of_a_known_posterior_have_its_moments_and_evidence() -> None:
     fit = laplace(model)
     np.testing.assert_allclose(fit.best, at, atol=0.02)  # the box's prior draws it inwards
     assert fit.log_evidence == pytest.approx(np.log(inside), abs=0.3)
+
+
+def test_one_press_that_goes_deeper_than_the_stage_knows_is_no_body() -> None:
+    """Its forces are 4 % too large along the whole ramp, its neighbours' are not."""
+    scan = recorded_over([palpate.load_scene("TI")])
+    stations = tuple(
+        replace(each, signal_pa=each.signal_pa * (1.04 if each.index == 4 else 1.0))
+        for each in scan.stations
+    )
+    found = palpate.detect(replace(scan, stations=stations))
+    assert found.finding in ("nothing", "undecided"), found
+
+
+def test_a_pulse_that_noise_would_hide_keeps_a_lump_from_its_name() -> None:
+    quiet, noisy = (
+        palpate.detect(recorded_over([palpate.load_scene("TIT")], noise_n))
+        for noise_n in (0.5e-3, 20e-3)
+    )
+    assert quiet.finding == "tumour"
+    assert noisy.finding in ("undecided", "cannot see"), noisy
