@@ -45,8 +45,8 @@ def touch(
     kept: Path | None = None
     table = table_for(block)
     if table is None and make:
+        from drivers.core.processes import Workers
         from probe.cli.progress import counting
-        from probe.core.processes import Workers
         from sim_backend.models.train_touch import touch_table
 
         with Workers(workers or os.cpu_count() or 1) as pool, counting("presses") as bar:

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
-from probe.core.processes import Workers
+from drivers.core.processes import Workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.heat_map import HeatMap
 from probe.gui.style import application, label, open_at, pen, plot, text, until_closed

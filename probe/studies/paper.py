@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
-from probe.core.processes import Workers
+from drivers.core.processes import Workers
 from probe.studies.paper_figures import draw
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
 from probe.studies.vary import applied

@@ -20,7 +20,7 @@ import numpy as np
 
 from drivers import ConfigError
 from drivers.core.extras import needs, require
-from probe.core.processes import Workers
+from drivers.core.processes import Workers
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
 from sim_backend.notebook_line import notebook_line

@@ -166,8 +166,8 @@ class Phantom:
             self._response(_snap(x, PLACE_GRID_M), _snap(y, PLACE_GRID_M), self._depth_m)
 
     def solve_ahead(self, places: list[tuple[float, float]]) -> None:
-        """Let a second process begin with the sections at ``places`` (x, y) [m], in the order in
-        which they will be pressed straight down; `close` ends it. They are answered by
+        """Let other processes begin with the sections at ``places`` (x, y) [m], in the order in
+        which they will be pressed straight down; `close` ends them. They are answered by
         `sim_backend.models.station_response`."""
         depth_m = _up_to_grid(self._depth_m)
         snapped = [self.place_of((x, y, 0.0)) for x, y in places]

@@ -74,9 +74,9 @@ def test_a_script_scans_an_emulated_rig(tmp_path: Path, winkler: Respond) -> Non
 
 def test_a_script_scans_a_virtual_rig_in_real_time(tmp_path: Path) -> None:
     said = run(tmp_path, VIRTUAL.format(True), "")
-    assert said == ["begun", "child", "every station is complete"]  # the guards start the solver's
+    assert said == ["begun", "child", "every station is complete"]  # the guards
 
 
-def test_a_script_scans_with_the_solvers_second_process_and_sweeps(tmp_path: Path) -> None:
+def test_a_script_scans_with_workers_that_solve_ahead_and_sweeps(tmp_path: Path) -> None:
     said = run(tmp_path, VIRTUAL.format(False) + SWEEP, "")
-    assert said == ["begun", "child", "every station is complete", "2 {''}"]
+    assert said == ["begun", "every station is complete", "2 {''}"]

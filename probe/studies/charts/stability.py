@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.core.processes import Workers
+from drivers.core.processes import Workers
 from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
 from probe.studies.solve import first_line

@@ -5,7 +5,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import get_context, parent_process
 from threading import Thread
 from types import ModuleType
@@ -22,10 +22,15 @@ class Workers(ProcessPoolExecutor):
         super().__init__(count, mp_context=get_context("spawn"), initializer=leave_with_parent)
 
     def __exit__(self, kind: type[BaseException] | None, *raised: Any) -> bool | None:
-        if kind is not None:  # as `kill_workers` of Python 3.14
-            for process in list((self._processes or {}).values()):
-                process.kill()
+        if kind is not None:
+            self.kill()
         return super().__exit__(kind, *raised)
+
+    def kill(self) -> None:
+        """End all now (as `kill_workers` of Python 3.14): what they compute is for nobody."""
+        for process in list((self._processes or {}).values()):
+            process.kill()
+        self.shutdown(cancel_futures=True)
 
     def submit(self, do: Callable[..., Any], /, *arguments: Any, **keywords: Any) -> Future[Any]:
         """As `ProcessPoolExecutor.submit`."""
@@ -34,7 +39,8 @@ class Workers(ProcessPoolExecutor):
 
 
 def leave_with_parent() -> None:
-    """End this worker when its parent is killed: a pool's workers would wait for ever.
+    """End this worker when its parent is killed: a pool's workers would wait for ever. It comes
+    first before nobody, as a process of guards may.
 
     A terminal's Ctrl-C reaches the worker too and ends it without a traceback: what was broken off
     is for the parent to say.
@@ -42,6 +48,8 @@ def leave_with_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):  # Windows has no masks
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     parent = parent_process()
     assert parent is not None
 
