@@ -83,12 +83,14 @@ class AtDepths:
     summed: Array
 
     def __call__(self, x: Array, theta: Array) -> Array:
-        """Bump and pulse (m, n, d, 2) at places ``x`` (n,) over bodies ``theta`` (m, p)."""
-        kind, ratios, count = self.ratios.kind, self.ratios, len(x)
+        """Bump and pulse (m, n, d, 2) at places ``x`` (n,), or (m, n) of each body's own, over
+        bodies ``theta`` (m, p)."""
+        kind, ratios, count = self.ratios.kind, self.ratios, x.shape[-1]
         scaled = ratios.scaled(kind.at(theta[:, 0], np.ones(len(theta)), theta))
         terms = ratios.basis.products(scaled[:, 1:-OF_ROW], self.exponents)
         of_body = np.tensordot(terms, self.summed, axes=1)
-        places, bodies = np.tile(x, len(theta)), np.repeat(theta, count, axis=0)
+        places = np.broadcast_to(x, (len(theta), count)).ravel()
+        bodies = np.repeat(theta, count, axis=0)
         across = ratios.scaled_across(aside(places, bodies)[0])
         powers = chebyshev.chebvander(across, ratios.basis.degree).reshape(len(theta), count, -1)
         found = np.einsum("mnk,mkde->mnde", powers, of_body, optimize=True)

@@ -10,7 +10,7 @@ from probe.core.recording import Recording
 from probe.detection.beneath.hypotheses import Likelihood
 from probe.detection.beneath.known import Known, known_block
 from probe.detection.beneath.narrowing import ALONE, TwoRows, narrowed
-from probe.detection.beneath.posterior import sample
+from probe.detection.beneath.posterior import laplace, sample
 from probe.detection.beneath.stated import misfit_of, sizes
 from probe.detection.beneath.weighed import weighed
 from probe.detection.finding import ObjectFinding
@@ -81,7 +81,7 @@ def narrowed_sizes(both: TwoRows) -> Sizes:
     model = both.model()
     if model is None:
         return unknown(NO_ROOM)
-    posterior = sample(model, np.random.default_rng(0))
+    posterior = sample(model, laplace(model), np.random.default_rng(0))
     of_row = replace(posterior, points=narrowed(posterior.points))
     return sizes(ALONE, 0, misfit_of(posterior, both.count) or of_row, both.narrowed_row, rows=2)
 

@@ -154,10 +154,9 @@ class Likelihood:
         """Right over the ``n``-th body, as deep as a hold is, for points (m, p): the bare block's
         force [N], and the body's bump and pulse over that (m,)."""
         kind, own = bodies.kinds[n], bodies.of(points, n, self.block)
-        sunk = np.full(len(points), self.sunk[-1])
-        bare = self.table.bare_force(own[:, 0], sunk, self.block)
-        bump, pulse = self.table.ratios[kind.name](own[:, 0], sunk, own).T
-        return np.exp(points[:, 0]) * bare * self.area_m2, bump, pulse
+        bump, pulse = self.at_depths[kind.name](own[:, :1], own)[:, 0, -1].T
+        bare = np.interp(own[:, 0], self.x, self.bare[:, -1])
+        return np.exp(points[:, 0]) * bare, bump, pulse
 
     def place_m(self, bodies: Bodies, n: int, posterior: Posterior) -> tuple[float, float, float]:
         """Of the ``n``-th body: the ends of its 95 % interval, and its median between them."""

@@ -6,7 +6,7 @@ fitted to the points that weigh most, a few times (adaptive multiple importance 
 al. 2012). The mean weight is the evidence.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -24,7 +24,7 @@ MODES = 3
 NEAR, LOWER = 0.1, 6.0
 """Of a range, how near modes are one; and how much lower [nat] one may be that matters."""
 STEP, STEPS = 1e-5, 25
-FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-3
+FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-2
 """Of steps to a mode, over the curvature; its change from step to step (Marquardt 1963 takes 10);
 and what steps gain [nat] at least."""
 FEWEST = 8
@@ -69,11 +69,34 @@ class Posterior:
         return np.asarray(values[order][at])
 
 
-def sample(model: Model, rng: np.random.Generator) -> Posterior:
-    """The posterior of a model, by as many points as it needs."""
-    modes = _modes(model)
+class Mode(NamedTuple):
+    """Where the posterior is highest: logits (p,), chi-square, less the log of the posterior, and
+    its curvature (p, p)."""
+
+    logits: Array
+    chi2: float
+    cost: float
+    curvature: Array
+
+
+class Fit(NamedTuple):
+    """The most likely point (p,), the log of the evidence as of Gaussians about all ``modes``, and
+    those, the highest first."""
+
+    best: Array
+    log_evidence: float
+    modes: Sequence[Mode]
+
+    def alone(self) -> Posterior:
+        """A posterior of the most likely point alone."""
+        mode = self.modes[0]
+        return Posterior(self.best[None], np.ones(1), self.best, mode.chi2, self.log_evidence, 1.0)
+
+
+def sample(model: Model, fit: Fit, rng: np.random.Generator) -> Posterior:
+    """The posterior of a model, begun about its ``fit``, by as many points as it needs."""
     mixture: list[Component] = [
-        (mode.logits, np.asarray(1.5 * np.linalg.inv(mode.curvature))) for mode in modes
+        (mode.logits, np.asarray(1.5 * np.linalg.inv(mode.curvature))) for mode in fit.modes
     ]
     mixtures: list[list[Component]] = []
     logits, heights, density = np.empty((0, len(model.low))), np.empty(0), np.empty(0)
@@ -97,17 +120,9 @@ def sample(model: Model, rng: np.random.Generator) -> Posterior:
             mixture = _fitted(drawn, height - _log_density(drawn, mixture))
     possible = np.isfinite(heights)
     return Posterior(
-        model.at(logits[possible]), weights[possible], model.at(modes[0].logits[None])[0],
-        modes[0].chi2, total - np.log(len(logits)), effective,
+        model.at(logits[possible]), weights[possible], fit.best, fit.modes[0].chi2,
+        total - np.log(len(logits)), effective,
     )  # fmt: skip
-
-
-class Fit(NamedTuple):
-    """The point (p,) of least misfit, and the log of the evidence as of Gaussians about all
-    modes."""
-
-    best: Array
-    log_evidence: float
 
 
 def laplace(model: Model) -> Fit:
@@ -117,24 +132,14 @@ def laplace(model: Model) -> Fit:
         model.log_norm - mode.cost - 0.5 * np.linalg.slogdet(mode.curvature / (2 * np.pi))[1]
         for mode in modes
     ]
-    return Fit(model.at(modes[0].logits[None])[0], float(logsumexp(heights)))
+    return Fit(model.at(modes[0].logits[None])[0], float(logsumexp(heights)), modes)
 
 
 Component = tuple[Array, Array]
 """Middle (p,) and covariance (p, p) of a proposal, in logits."""
 
 
-class _Mode(NamedTuple):
-    """Where the posterior is highest: logits (p,), chi-square, less the log of the posterior, and
-    its curvature (p, p)."""
-
-    logits: Array
-    chi2: float
-    cost: float
-    curvature: Array
-
-
-def _modes(model: Model) -> list[_Mode]:
+def _modes(model: Model) -> list[Mode]:
     """Those that matter, the highest first."""
     begin = (model.starts - model.low) / (model.high - model.low)
     modes = sorted(_climbed(model, logit(np.clip(begin, 0.02, 0.98))), key=lambda mode: mode.cost)
@@ -146,7 +151,7 @@ def _modes(model: Model) -> list[_Mode]:
     return distinct[:MODES]
 
 
-def _climbed(model: Model, logits: Array) -> list[_Mode]:
+def _climbed(model: Model, logits: Array) -> list[Mode]:
     """From all starts (s, p) at once by Levenberg and Marquardt's damped steps (Nocedal and Wright
     2006, Numerical Optimization, section 10.3)."""
     at = _Quadratic.about(model, logits)
@@ -164,7 +169,7 @@ def _climbed(model: Model, logits: Array) -> list[_Mode]:
             for new, old in zip(tried, at, strict=True)
         ))  # fmt: skip
         damping *= np.where(better, 1 / CHANGE, CHANGE)
-    return [_Mode(*mode) for mode in zip(at.logits, at.chi2, at.cost, at.curvature, strict=True)]
+    return [Mode(*mode) for mode in zip(at.logits, at.chi2, at.cost, at.curvature, strict=True)]
 
 
 class _Quadratic(NamedTuple):

@@ -19,7 +19,7 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class RowData:
-    """``force_n`` (n, d) at places ``x_m`` (n,) and depths ``sunk_m`` (d,), with standard
+    """``force_n`` (n, d) at ascending places ``x_m`` (n,) and depths ``sunk_m`` (d,), with standard
     deviations of noise alone, and ``pulse_n`` (n,) at the last depth, trough to crest."""
 
     x_m: Array
@@ -39,7 +39,10 @@ class RowData:
 
 def row_data(presses: Sequence[Press], face_m2: float) -> RowData | None:
     """Of presses of one row; None where they have no known place, depth or face."""
-    known = [p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)]
+    known = sorted(
+        (p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)),
+        key=lambda p: p.station.x_m,
+    )
     depths_m = np.array([p.station.hold_depth_m for p in known])
     if not len(known) or not np.isfinite([face_m2, *depths_m]).all():
         return None

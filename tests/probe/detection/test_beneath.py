@@ -343,7 +343,7 @@ def test_where_nothing_that_fits_is_possible_there_are_no_samples() -> None:
         np.zeros(1), np.ones(1), lambda theta: 1e3 * (theta - 0.9),
         lambda theta: theta[:, 0] < 0.5, 0.0, np.array([[0.8]]),
     )  # fmt: skip
-    posterior = sample(model, np.random.default_rng(0))
+    posterior = sample(model, laplace(model), np.random.default_rng(0))
     assert posterior.effective == 0 and posterior.log_evidence == -np.inf
 
 
@@ -355,7 +355,7 @@ def test_samples_of_a_known_posterior_have_its_moments_and_evidence() -> None:
         np.full(2, -2.0), np.full(2, 2.0), lambda t: (t - at) @ root.T,
         lambda t: np.ones(len(t), bool), 0.0, np.array([[1.0, 1.0], [-1.0, 0.5]]),
     )  # fmt: skip
-    got = sample(model, np.random.default_rng(0))
+    got = sample(model, laplace(model), np.random.default_rng(0))
     covariance = np.linalg.inv(root.T @ root)
     np.testing.assert_allclose(got.weights @ got.points, at, atol=0.03)
     low, _, high = got.quantiles(got.points[:, 0])
