@@ -38,16 +38,9 @@ class Basis:
 
     def products(self, coordinates: Array, exponents: Ints) -> Array:
         """Those (n, terms) of ``exponents`` (terms, dimensions)."""
-        return _products(self._factors(coordinates), exponents)
-
-    def _factors(self, coordinates: Array) -> Array:
-        return np.array([chebyshev.chebvander(z, self.degree) for z in coordinates.T])
-
-
-def _products(factors: Array, exponents: Ints) -> Array:
-    """Products (n, terms) of ``factors`` (dimensions, n, degree + 1)."""
-    result = np.ones((factors.shape[1], len(exponents)))
-    for factor, exponent in zip(factors, exponents.T, strict=True):
-        if exponent.any():
-            result *= factor[:, exponent]
-    return result
+        factors = chebyshev.chebvander(coordinates, self.degree).T
+        result = np.ones((len(exponents), len(coordinates)))
+        for factor, exponent in zip(factors.swapaxes(0, 1), exponents.T, strict=True):
+            there = np.flatnonzero(exponent)
+            result[there] *= factor[exponent[there]]
+        return result.T

@@ -93,8 +93,9 @@ class AtDepths:
         bodies = np.repeat(theta, count, axis=0)
         across = ratios.scaled_across(aside(places, bodies)[0])
         powers = chebyshev.chebvander(across, ratios.basis.degree).reshape(len(theta), count, -1)
-        found = np.einsum("mnk,mkde->mnde", powers, of_body, optimize=True)
-        return np.asarray(found * kind.size(places, bodies).reshape(len(theta), count, 1, 2))
+        found = powers @ of_body.reshape(len(theta), powers.shape[2], -1)
+        size = kind.size(places, bodies).reshape(len(theta), count, 1, 2)
+        return np.asarray(found.reshape(len(theta), count, -1, 2) * size)
 
 
 @dataclass(frozen=True)

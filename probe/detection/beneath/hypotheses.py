@@ -214,12 +214,11 @@ class Likelihood:
         off = self.measured[forces] - self.predicted(bodies, points)[:, forces]
         points[:, 0] = np.clip(points[:, 0] + np.median(off, axis=1), model.low[0], model.high[0])
         chi2 = (model.misfit(points) ** 2).sum(axis=1)
-        starts: list[Array] = []
-        for point in points[np.argsort(chi2)]:
-            if all(np.abs(point[at] - other[at]).max(initial=0.0) > APART / 2 for other in starts):
-                starts.append(point)
-            if len(starts) == STARTS:
-                break
+        points, starts = points[np.argsort(chi2)], list[Array]()
+        while len(points) and len(starts) < STARTS:
+            starts.append(points[0])
+            aside = np.abs(points[:, at] - points[0, at]).max(axis=1, initial=0.0)
+            points = points[aside > APART / 2]
         return np.array(starts)
 
     def _noise(

@@ -23,7 +23,7 @@ MODES = 3
 """Modes that are proposed about."""
 NEAR, LOWER = 0.1, 6.0
 """Of a range, how near modes are one; and how much lower [nat] one may be that matters."""
-STEP, STEPS = 1e-5, 25
+STEP, STEPS = 1e-5, 12
 FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-2
 """Of steps to a mode, over the curvature; its change from step to step (Marquardt 1963 takes 10);
 and what steps gain [nat] at least."""

@@ -386,3 +386,16 @@ def test_a_pulse_that_noise_would_hide_keeps_a_lump_from_its_name() -> None:
     )
     assert quiet.finding == "tumour"
     assert noisy.finding in ("undecided", "cannot see"), noisy
+
+
+def test_a_row_scanned_from_right_to_left_says_the_same() -> None:
+    """Near the block's side, where the bare block is softer than in its middle."""
+    (lump,) = palpate.load_scene("TIT").inclusion
+    moved = lump.model_copy(update={"x_mm": 9.0, "depth_mm": 8.0})
+    scan = recorded_over([palpate.load_scene("TIT").model_copy(update={"inclusion": (moved,)})])
+    back = tuple(replace(each, index=14 - each.index) for each in reversed(scan.stations))
+    (one,), (other,) = (
+        palpate.detect(each).objects for each in (scan, replace(scan, stations=back))
+    )
+    assert one.kind == other.kind == "tumour"
+    assert other.peak_pa == pytest.approx(one.peak_pa, rel=0.01)
