@@ -77,8 +77,8 @@ def press(
     load_wave(pressed_into.pulse)  # so that what a scan refuses is refused here too
     for doubt in odd_values(pressed_into):
         inform(f"warning: {doubt}")
-    if deck or feb or vtu:  # neither CalculiX nor FEBio knows a solid's wedges of 18 nodes
-        pressed_into.need_section("--deck, --feb and --vtu write")
+    if deck or feb:  # neither CalculiX nor FEBio knows a solid's wedges of 18 nodes
+        pressed_into.need_section("--deck and --feb write")
     for option, path, mark in (
         ("--deck", deck, b" mm thick. "),
         ("--feb", feb, b"<febio_spec"),

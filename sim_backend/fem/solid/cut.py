@@ -6,12 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.material_3d import von_mises
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.courses import QUARTERS
-from sim_backend.fem.solid.prism import wedge_gradient
-from sim_backend.fem.solid.stress import TRIANGLE_NODES
+from sim_backend.fem.solid.stress import von_mises_at_nodes
 
 
 @dataclass(frozen=True)
@@ -52,11 +50,6 @@ class Cut:
 
     def von_mises_pa(self, solution: Solution) -> Array:
         """Von Mises stress (n,) [Pa]: the mean over each node's wedges of F there."""
-        cells = self.body.wedges.cells[self._above]
-        slope = wedge_gradient(TRIANGLE_NODES, np.full(len(TRIANGLE_NODES), -1.0))
-        jacobian = np.einsum("qka,mki->mqia", slope, self.body.wedges.nodes[cells])
-        moved = np.swapaxes(solution.displacement[cells], 1, 2)[:, None]
-        f = moved @ (slope @ np.linalg.inv(jacobian)) + np.eye(3)
-        stress = von_mises(f, self.body.shear[self._above, None])
+        stress = von_mises_at_nodes(self.body, solution.displacement, self._above)[:, :6]
         times = np.bincount(self._faces.ravel())
         return np.asarray(np.bincount(self._faces.ravel(), stress.ravel()) / times)

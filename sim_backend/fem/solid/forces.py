@@ -40,9 +40,14 @@ def deformation(wedges: Wedges, u: Array) -> Array:
     return np.asarray(moved @ wedges.gradient + np.eye(3))
 
 
+def volume_ratios(wedges: Wedges, u: Array) -> Array:
+    """The smallest det F of each wedge (m,)."""
+    return np.asarray(determinant_and_cofactor(deformation(wedges, u))[0].min(axis=1))
+
+
 def smallest_volume_ratio(wedges: Wedges, u: Array) -> tuple[float, int]:
     """The smallest det F and the wedge where it is."""
-    j = determinant_and_cofactor(deformation(wedges, u))[0].min(axis=1)
+    j = volume_ratios(wedges, u)
     worst = int(np.argmin(j))
     return float(j[worst]), worst
 

@@ -2,13 +2,24 @@
 
 import numpy as np
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Ints
 from sim_backend.fem.material_3d import von_mises
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.prism import wedge_gradient
 
-TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+_TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+"""Of each of a wedge's three planes."""
+
+
+def von_mises_at_nodes(body: SolidBody, u: Array, wedges: Ints) -> Array:
+    """Von Mises stress (m, 18) [Pa] of F at the nodes of some ``wedges`` (m,)."""
+    cells = body.wedges.cells[wedges]
+    slope = wedge_gradient(np.tile(_TRIANGLE_NODES, (3, 1)), np.repeat([-1.0, 0.0, 1.0], 6))
+    jacobian = np.einsum("qka,mki->mqia", slope, body.wedges.nodes[cells])
+    moved = np.swapaxes(u[cells], 1, 2)[:, None]
+    f = moved @ (slope @ np.linalg.inv(jacobian)) + np.eye(3)
+    return von_mises(f, body.shear[wedges, None])
 
 
 def under_finger_pa(body: SolidBody, u: Array) -> float:
@@ -17,14 +28,9 @@ def under_finger_pa(body: SolidBody, u: Array) -> float:
     moved = body.wedges.nodes + u
     under = body.finger.under_m[[0, 2]]
     node = body.surface[np.argmin(np.hypot(*(moved[body.surface][:, [0, 2]] - under).T))]
-    around = np.any(body.wedges.cells == node, axis=1)
-    cells = body.wedges.cells[around]
-    slope = wedge_gradient(np.tile(TRIANGLE_NODES, (3, 1)), np.repeat([-1.0, 0.0, 1.0], 6))
-    rows, at = np.nonzero(cells == node)
-    jacobian = np.einsum("mka,mki->mia", slope[at], body.wedges.nodes[cells[rows]])
-    gradient = slope[at] @ np.linalg.inv(jacobian)
-    f = np.swapaxes(u[cells[rows]], 1, 2) @ gradient + np.eye(3)
-    return float(von_mises(f, body.shear[around][rows]).mean())
+    around = np.flatnonzero(np.any(body.wedges.cells == node, axis=1))
+    stress = von_mises_at_nodes(body, u, around)
+    return float(stress[body.wedges.cells[around] == node].mean())
 
 
 def contact_m(body: SolidBody, solution: Solution) -> tuple[float, float, float]:

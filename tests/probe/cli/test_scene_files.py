@@ -51,7 +51,7 @@ def test_scenes_lists_all(palpate) -> None:
     assert "stenosis" in listed["TISA"]
 
 
-@pytest.mark.parametrize("option", ["--deck", "--feb", "--vtu"])
+@pytest.mark.parametrize("option", ["--deck", "--feb"])
 def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
     palpate, monkeypatch: pytest.MonkeyPatch, option: str
 ) -> None:

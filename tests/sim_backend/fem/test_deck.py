@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.finite_strain import solve_finite
@@ -111,3 +112,21 @@ def test_a_vtu_reads_back(tmp_path):
 def test_a_vtu_of_one_state_keeps_the_name(tmp_path):
     pressed = press(load_scene("HAOT"), 32.0, 0.3, (80.0,), accuracy_pct=10)
     assert written(pressed, tmp_path / "one.vtu") == [tmp_path / "one.vtu"]
+
+
+def test_a_solid_s_vtu_has_its_wedges_in_vtk_s_order(tmp_path):
+    """Nodes in the middle of edges and faces, by the list of corners in VTK's File Formats."""
+    scene = small_solid(16.0, 16.0, height_mm=6.0)
+    pressed = press(scene, 8.0, 0.5, model="solid", accuracy_pct=50)
+    (state,) = pressed.states
+    (path,) = written(pressed, tmp_path / "solid.vtu")
+    read = pytest.importorskip("meshio").read(path)
+    (wedges,) = read.cells
+    corners, middles = np.split(read.points[wedges.data], [6], axis=1)
+    between = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+    between += [(0, 1, 3, 4), (1, 2, 4, 5), (2, 0, 5, 3)]
+    expected = np.stack([corners[:, list(of)].mean(axis=1) for of in between], axis=1)
+    np.testing.assert_allclose(middles, expected, atol=1e-9)
+    np.testing.assert_allclose(read.point_data["displacement_m"], state.displacement_m)
+    assert read.cell_data["det_f"][0].min() == pytest.approx(state.min_jacobian)
+    assert read.point_data["von_mises_pa"].max() >= state.von_mises_pa > 0
