@@ -1,6 +1,6 @@
 """Planners on rows of random bodies: presses, contact, and what is found, beside a raster.
 
-    python benchmarks/planners.py [ROWS [DECIDED]]
+    python benchmarks/planners.py [ROWS [DECIDED [EMPTY]]]
 
 Truth is rows of presses of the finite elements, solved at their own places, over nothing, a lump,
 an artery, a stenotic one, and two objects 10 to 18 mm apart: other ranges than the tables', blocks
@@ -10,6 +10,7 @@ repeatability, relaxation, a zero and noise; hearts beat 50 to 100 times a minut
 """
 
 import json
+import os
 import tempfile
 from dataclasses import replace
 from functools import lru_cache
@@ -217,13 +218,15 @@ def tell() -> None:
               f"inside {inside} %")  # fmt: skip
 
 
-def main(rows: int = 20, decided: int = 0) -> None:
-    """Judge so many rows of each kind at each noise, by decide alone so many."""
-    jobs = [(scan, kind, seed) for seed in range(max(rows, decided)) for kind in KINDS
+def main(rows: int = 10, decided: int = 63, empty: int = 500) -> None:
+    """Judge so many rows of each kind at each noise; by decide alone so many, and so many with
+    nothing in them."""
+    jobs = [(scan, kind, seed) for seed in range(max(rows, decided, empty)) for kind in KINDS
             for scan, (planner, _) in SCANS.items()
-            if seed < rows or planner == "decide"]  # fmt: skip
+            if seed < rows or (planner == "decide" and (
+                seed < decided or (kind == "nothing" and seed < empty)))]  # fmt: skip
     answers = ("found", "presses", "contact_s", "longest_choice_s", "detect_s", "off_mm", "inside")
-    fill(OUT, ("scan", "kind", "seed"), answers, jobs, judge)
+    fill(OUT, ("scan", "kind", "seed"), answers, jobs, judge, os.cpu_count() or 1)
     tell()
 
 

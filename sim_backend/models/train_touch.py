@@ -27,13 +27,20 @@ from sim_backend.touch.table import Ratios, TouchTable, about_finger
 
 SUNK = np.array([0.06, 0.15, 0.3, 0.5])
 """Depths that are solved, over the finger's half width."""
-PRESSES = 1000
+PRESSES = 3000
 WEIGHT_OF_SLOPES = 0.3
 """Of a slope times its parameter's spread, beside a value; 0.1 and 1 fit lumps alike."""
 RIDGE = 1e-7
 """Of the mean of the normal equations' diagonal, times one plus the square of a term's degree."""
 HELD_OUT = 5
 """Every fifth press is not trained on, but says what the table is off by."""
+ROUNDS, FAR = 4, 2.385
+"""Of least squares, each with the weight 1 / (1 + (r / FAR)^2) that a state's residual r of the
+round before leaves it, in standard deviations (Cauchy's weights; Holland & Welsch 1977, table 1):
+of a finger half beside its block the finite elements themselves are off by up to a third."""
+SD_OF_MEDIAN = 1.4826  # of a normal distribution (Hampel 1974)
+FREEDOM = 5.0
+"""Degrees of freedom of Student's t, as which presses held out are off."""
 STEP = 1e-5
 SEED = 0
 ASIDE = 1.7
@@ -200,7 +207,7 @@ def at_depths(scene: Scene, x_m: float) -> list[Solved]:
 
 
 def trained(kind: Kind, samples: Samples) -> Ratios:
-    """Least squares on values and derivatives; the error is that of the presses held out."""
+    """Robust least squares on values and derivatives; the error is that of presses held out."""
     held_out = samples.press % HELD_OUT == 0
     test = samples.where(held_out)
     ratios = _fit(kind, samples.where(~held_out))
@@ -214,17 +221,31 @@ def trained(kind: Kind, samples: Samples) -> Ratios:
 
 def _most_likely_error(off: Array, there: Array, over: Array) -> Array:
     """Parts (2,) of sizes ``there`` (n,) and ``over`` a body (n,), of which squares sum up to the
-    variance of what is ``off`` (n,), as of Gaussian errors."""
+    variance of what is ``off`` (n,), which is distributed as Student's t."""
 
     def unlikely(log_parts: Array) -> float:
-        variance = (there * np.exp(log_parts[0])) ** 2 + (over * np.exp(log_parts[1])) ** 2
-        return float((np.log(variance) + off**2 / variance).sum())
+        scale2 = (there * np.exp(log_parts[0])) ** 2 + (over * np.exp(log_parts[1])) ** 2
+        return float((np.log(scale2) + (FREEDOM + 1) * np.log1p(off**2 / scale2 / FREEDOM)).sum())
 
     first = np.log(np.sqrt((off**2).mean() / (over**2).mean())) * np.ones(2)
-    return np.asarray(np.exp(minimize(unlikely, first, method="Nelder-Mead").x))
+    scales = np.exp(minimize(unlikely, first, method="Nelder-Mead").x)
+    return np.asarray(scales * np.sqrt(FREEDOM / (FREEDOM - 2)))
 
 
 def _fit(kind: Kind, samples: Samples) -> Ratios:
+    """By least squares; again and again, what is far off having less weight."""
+    x, sunk, theta, value, *_ = samples
+    size, trust = kind.size(x, theta)[:, : 1 + kind.beats], np.ones(len(x))
+    for _ in range(ROUNDS):
+        ratios = _least_squares(kind, samples, trust)
+        off = (ratios(x, sunk, theta) - value)[:, : 1 + kind.beats] * np.sqrt(sunk[:, None] / size)
+        scatter = SD_OF_MEDIAN * np.median(np.abs(off), axis=0)
+        trust = 1 / (1 + ((off / (FAR * scatter)) ** 2).max(axis=1))
+    return ratios
+
+
+def _least_squares(kind: Kind, samples: Samples, trust: Array) -> Ratios:
+    """With a weight (n,) for each state."""
     x, sunk, theta, value, slope, _ = samples
     coordinates = kind.at(x, sunk, theta)
     low, high = coordinates.min(axis=0), coordinates.max(axis=0)
@@ -235,7 +256,7 @@ def _fit(kind: Kind, samples: Samples) -> Ratios:
     size, spread = kind.size(x, theta), np.append(theta.std(axis=0), sunk.std())
     outputs, count = range(1 + kind.beats), terms.shape[1]
     ratio = value / np.where(size, size, 1.0)
-    weight = np.sqrt(size * sunk[:, None])  # small bumps need not be known as well
+    weight = np.sqrt(size * (sunk * trust)[:, None])  # small bumps need not be known as well
     normal, right = np.zeros((len(outputs), count, count)), np.zeros((len(outputs), count))
 
     def learn(output: int, rows: Array, of: Array) -> None:

@@ -36,8 +36,9 @@ BLOCK = ("log_height", "log_half_width")
 BLOCK_LOW, BLOCK_HIGH = (np.log(1.8), np.log(3.6)), (np.log(6.0), np.log(12.0))
 FARTHEST = 0.75
 """How far a body is from the block's middle at most, over half its width."""
-OF_ROW = 3
-"""Coordinates that are the same in a whole row: the last ones, of the block and of the depth."""
+OF_ROW = 2
+"""Coordinates that are the same in a whole row: the last ones, of the block's width and of the
+depth."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class Kind:
 
     ``coordinates`` and ``size`` are functions of where the finger is over the block's middle (n,)
     and the parameters (n, p): coordinates (n, c - 1), of which the first alone is of the place, and
-    sizes (n, 2) of bump and pulse. ``of_depth`` (n,) of how deep the finger is (n,) is the last
-    coordinate; it and those before it, `OF_ROW` in all, are of block and depth alone. Mirrored, a
-    block presses alike: the first ``mirrored`` coordinates change sign, and nothing else.
+    sizes (n, 2) of bump and pulse. The last coordinate is the logarithm of how deep the finger is.
+    Mirrored, a block presses alike: the first ``mirrored`` coordinates change sign, and nothing
+    else.
     ``degree`` and ``weights`` (c,) are those of the polynomials.
     ``inflation`` (n,) is about how far a lumen is widened by its greatest pressure.
     """
@@ -64,13 +65,12 @@ class Kind:
     inflation: Callable[[Array], Array]
     degree: int
     weights: tuple[float, ...]
-    of_depth: Callable[[Array], Array]
     beats: bool = False
     mirrored: int = 2
 
     def at(self, x: Array, sunk: Array, theta: Array) -> Array:
         """All coordinates (n, c)."""
-        return np.hstack([self.coordinates(x, theta), self.of_depth(sunk)[:, None]])
+        return np.hstack([self.coordinates(x, theta), np.log(sunk)[:, None]])
 
     def column(self, theta: Array, name: str) -> Array:
         """One parameter (n,) of ``theta`` (n, p)."""
@@ -103,18 +103,19 @@ def _middle(theta: Array) -> Array:
     return np.asarray(theta[:, 0] * np.exp(-theta[:, -1]))
 
 
-def _covered(cover: Array) -> Array:
-    """Logarithm of the tissue over a body (n,); one that sticks out has none."""
-    return np.asarray(np.log(np.maximum(cover, 0.0) + 0.3))
+def _tissue(theta: Array, radius: Array) -> tuple[Array, Array]:
+    """Logarithms of the tissue over and below a body (n,); one that sticks out has none."""
+    depth, height = theta[:, 1], np.exp(theta[:, -2])
+    over, below = depth - radius, height - depth - radius
+    return np.log(np.maximum(over, 0.0) + 0.3), np.log(np.maximum(below, 0.0) + 0.3)
 
 
 def _lump_coordinates(x: Array, theta: Array) -> Array:
-    depth, log_diameter, log_ratio, log_height, log_half_width = theta.T[1:]
-    cover = depth - _lump_radius(theta)
+    _, log_diameter, log_ratio, _, log_half_width = theta.T[1:]
+    over, below = _tissue(theta, _lump_radius(theta))
     across, _ = aside(x, theta)
     return np.stack([
-        across, _middle(theta), _covered(cover), log_diameter, log_ratio, log_height,
-        log_half_width,
+        across, _middle(theta), over, log_diameter, log_ratio, below, log_half_width,
     ], axis=1)  # fmt: skip
 
 
@@ -136,15 +137,14 @@ def ring_stiffness(theta: Array) -> Array:
 
 
 def _vessel_coordinates(x: Array, theta: Array) -> Array:
-    depth, log_inner, log_wall, _, log_pressure, swing, narrowing, log_plaque = theta.T[1:-2]
+    _, log_inner, log_wall, _, log_pressure, swing, narrowing, log_plaque = theta.T[1:-2]
     pressure = np.exp(log_pressure)
     gives = TWO_SHEAR + ring_stiffness(theta)
-    cover = depth - _vessel_radius(theta)
+    over, below = _tissue(theta, _vessel_radius(theta))
     across, _ = aside(x, theta)
     return np.stack([
-        across, _middle(theta), _covered(cover), log_inner, log_wall, np.log(gives),
-        pressure / gives, swing * pressure / gives, narrowing, log_plaque * narrowing, theta[:, -2],
-        theta[:, -1],
+        across, _middle(theta), over, log_inner, log_wall, np.log(gives), pressure / gives,
+        swing * pressure / gives, narrowing, log_plaque * narrowing, below, theta[:, -1],
     ], axis=1)  # fmt: skip
 
 
@@ -164,12 +164,6 @@ def _widened(theta: Array) -> Array:
     return np.asarray(systole / (TWO_SHEAR + ring_stiffness(theta)))
 
 
-def _in_proportion(sunk: Array) -> Array:
-    """A vessel's pressure lifts the surface as much at any depth: over the block's force its part
-    falls as about this power."""
-    return np.asarray(sunk**-0.75)
-
-
 def _none(theta: Array) -> Array:
     return np.zeros(len(theta))
 
@@ -180,7 +174,7 @@ LUMP = Kind(
     (-9.0, 0.7, np.log(0.5), np.log(2.0), *BLOCK_LOW),
     (9.0, 2.9, np.log(2.2), np.log(60.0), *BLOCK_HIGH),
     _lump_coordinates, _lump_size, _lump_radius, _none, degree=5,
-    weights=(1, 2, 1, 1, 1, 1.5, 2, 1), of_depth=np.log,
+    weights=(0.7, 1, 1, 1, 1, 1.5, 2, 1),
 )  # fmt: skip
 VESSEL = Kind(
     "vessel",
@@ -190,8 +184,9 @@ VESSEL = Kind(
      *BLOCK_LOW),
     (9.0, 2.9, np.log(1.3), np.log(0.20), np.log(100.0), np.log(1.4), 1.05, 0.7, np.log(12.0),
      *BLOCK_HIGH),
-    _vessel_coordinates, _vessel_size, _vessel_radius, _widened, degree=4,
-    weights=(1, 2, 1, 1, 2, 1, 1, 1, 2, 2, 2, 2, 1), of_depth=_in_proportion, beats=True,
+    _vessel_coordinates, _vessel_size, _vessel_radius, _widened, degree=5,
+    weights=(0.8, 1, 1.2, 1.2, 2.4, 1.2, 1.2, 1.2, 2.4, 2.4, 1.6, 2.4, 1.2),
+    beats=True,
 )  # fmt: skip
 KINDS = (LUMP, VESSEL)
 
@@ -210,6 +205,6 @@ def _ones(_x: Array, theta: Array) -> Array:
 
 BARE = Kind(
     "bare", BLOCK, BLOCK_LOW, BLOCK_HIGH, _bare_coordinates, _ones, _none, _none, degree=8,
-    weights=(1, 1, 1, 1.5), of_depth=np.log, mirrored=0,
+    weights=(1, 1, 1, 1.5), mirrored=0,
 )  # fmt: skip
 """The block with nothing in it: the logarithm of its force over its depth, in place of a bump."""

@@ -141,7 +141,8 @@ class TouchTable:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Raises `OSError` and `ValueError` for a file that is none."""
+        """Raises `OSError`, `KeyError` and `ValueError` for a file that is none, or that another
+        version made."""
         with np.load(path) as file:
             ratios = {
                 kind.name: Ratios(
@@ -150,6 +151,8 @@ class TouchTable:
                 )
                 for kind in (BARE, *KINDS)
             }  # fmt: skip
+            if any(len(r.coefficients) != len(r.basis.exponents) for r in ratios.values()):
+                raise ValueError(f"{path}: its polynomials are another version's")
             about = {
                 key.removeprefix("about."): file[key].item()
                 for key in file.files
