@@ -6,6 +6,7 @@ here, since the tissue's modulus is a parameter too.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -99,6 +100,17 @@ class Bodies:
         return np.array([ends[name] for name in self.names]).T
 
 
+class Over(NamedTuple):
+    """Right over a body, at a posterior's points (m,): the bare block's force [N], the ``bump``
+    over that, the ``beat`` over the force, and what either may be off by at any point."""
+
+    bare_n: Array
+    bump: Array
+    bump_sd: Array
+    beat: Array
+    beat_sd: Array
+
+
 class Likelihood:
     """Of the data of one row over a known block, for any bodies in it.
 
@@ -153,13 +165,34 @@ class Likelihood:
         nothing = np.zeros((len(theta), len(x), len(self.sunk), 2))
         return sum(self.ratios(bodies, theta, x), nothing)
 
-    def over(self, bodies: Bodies, n: int, points: Array) -> tuple[Array, Array, Array]:
-        """Right over the ``n``-th body, as deep as a hold is, for points (m, p): the bare block's
-        force [N], and the body's bump and pulse over that (m,)."""
+    def over(self, bodies: Bodies, n: int, posterior: Posterior) -> Over:
+        """Right over the ``n``-th body, as deep as a hold is, with what the row's own residuals say
+        that the table is off by there."""
+        points, count = posterior.points, len(self.x)
         kind, own = bodies.kinds[n], bodies.of(points, n, self.block)
         bump, pulse = self.at_depths[kind.name](own[:, :1], own)[:, 0, -1].T
-        bare = np.interp(own[:, 0], self.x, self.bare[:, -1])
-        return np.exp(points[:, 0]) * bare, bump, pulse
+        bare = np.exp(points[:, 0]) * np.interp(own[:, 0], self.x, self.bare[:, -1])
+        error = self.table_error(bodies, posterior.best)
+        covariance, shift = self._noise(bodies, posterior.best, error, 0.0)
+        weight = np.linalg.solve(covariance, error)
+        off = (self.measured - shift - self.predicted(bodies, points)) @ weight
+        left = np.sqrt(np.diag(error - error @ weight))
+        near = np.clip(np.searchsorted(self.x, own[:, 0]), 1, count - 1)
+        share = np.clip((own[:, 0] - self.x[near - 1]) / np.diff(self.x)[near - 1], 0.0, 1.0)
+        held = slice(len(self.sunk) - 1, self.bare.size, len(self.sunk))
+
+        def there(at_stations: Array) -> Array:
+            rows = np.broadcast_to(at_stations, (len(points), count))
+            before, after = (
+                np.take_along_axis(rows, k[:, None], 1)[:, 0] for k in (near - 1, near)
+            )
+            return np.asarray((1 - share) * before + share * after)
+
+        total = (1 + bump) * np.exp(there(off[:, held]))
+        beats = pulse / (1 + bump) + there(off[:, self.bare.size :])
+        return Over(
+            bare, total - 1, there(left[held]) * total, beats, there(left[self.bare.size :])
+        )
 
     def place_m(self, bodies: Bodies, n: int, posterior: Posterior) -> tuple[float, float, float]:
         """Of the ``n``-th body: the ends of its 95 % interval, and its median between them."""

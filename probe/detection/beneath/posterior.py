@@ -61,6 +61,10 @@ class Posterior:
     log_evidence: float
     effective: float
 
+    def mean(self, values: Array) -> float:
+        """Of a function's ``values`` (m,) at the points."""
+        return float(self.weights @ values)
+
     def quantiles(self, values: Array, shares: tuple[float, ...] = (0.025, 0.5, 0.975)) -> Array:
         """Of a function's ``values`` (m,) at the points."""
         order = np.argsort(values)

@@ -80,8 +80,9 @@ def _object(
     vessel by the evidence of the row, if anything beats there."""
     posterior = row.posteriors[bodies]
     low_m, at_m, high_m = likelihood.place_m(bodies, n, posterior)
-    bare_n, bump, pulse = likelihood.over(bodies, n, posterior.points)
-    contrast, pulse_share = _known(posterior, bump), _known(posterior, pulse / (1 + bump))
+    over = likelihood.over(bodies, n, posterior)
+    contrast = _known(posterior, over.bump, over.bump_sd)
+    pulse_share = _known(posterior, over.beat, over.beat_sd)
     lump, vessel = (row.there(n, bodies, beats) for beats in (False, True))
     if likelihood.data.pulse_n.any():
         said = judge(Seen(*pulse_share, *contrast))
@@ -101,8 +102,9 @@ def _object(
         reason = f"{EVEN}{rivals}; press beside it, or hold for more beats"
     return ObjectFinding(
         UNDECIDED if reason else kind, at_m, (low_m, high_m),
-        _known(posterior, bump * bare_n)[0] / face_m2,
-        _known(posterior, pulse * bare_n)[0] / face_m2, stated(chances[kind]), reason,
+        posterior.mean(over.bump * over.bare_n) / face_m2,
+        posterior.mean(over.beat * (1 + over.bump) * over.bare_n) / face_m2,
+        stated(chances[kind]), reason,
         diseased=said.diseased, p_stiff=said.stiff if any_vessel > chances[LUMP] else float("nan"),
         chances=chances, contrast=contrast, pulse_share=pulse_share,
         sizes=sizes(bodies, n, posterior, likelihood),
@@ -127,10 +129,11 @@ def _hidden(n: int, bodies: Bodies, posterior: Posterior, likelihood: Likelihood
     return np.asarray(np.exp(-0.5 * (SIZES * force_n / sd_n) ** 2))
 
 
-def _known(posterior: Posterior, values: Array) -> tuple[float, float]:
-    """Mean and standard deviation of what has these values (m,) at a posterior's points."""
-    mean = float(posterior.weights @ values)
-    return mean, float(np.sqrt(posterior.weights @ (values - mean) ** 2))
+def _known(posterior: Posterior, values: Array, sd: Array) -> tuple[float, float]:
+    """Mean and standard deviation of what has these values (m,) at a posterior's points, each give
+    or take its ``sd`` (m,)."""
+    mean = posterior.mean(values)
+    return mean, float(np.sqrt(posterior.mean((values - mean) ** 2 + sd**2)))
 
 
 def at_an_end(x_m: float, row_m: Array) -> bool:
