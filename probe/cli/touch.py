@@ -18,7 +18,7 @@ def touch(
     presses: Annotated[
         int,
         typer.Option(metavar="N", min=20, help="Presses over lumps, and as many over vessels."),
-    ] = 1000,
+    ] = 3000,
     workers: Workers = None,
     json: Json = False,
 ) -> None:

@@ -8,7 +8,8 @@ from changed_scene import changed
 from programs import python
 
 import palpate
-from sim_backend.models.train_touch import random_press, sample, touch_table
+from sim_backend.arrays import Array
+from sim_backend.models.train_touch import SUNK, at_depths, random_press, sample, touch_table
 from sim_backend.touch import kept
 from sim_backend.touch.basis import Basis
 from sim_backend.touch.bodies import Units
@@ -181,3 +182,25 @@ def test_a_few_presses_make_a_table_that_is_kept(
     found = table_for(block)
     assert found is not None and found.about == dict(table.about)
     kept.table_for.cache_clear()
+
+
+@pytest.mark.parametrize(("x_mm", "depth_mm", "across_mm"), [(52.0, 7.5, 7.5), (12.0, 10.0, 4.5)])
+def test_a_bump_far_from_the_block_s_middle_is_in_its_place(
+    x_mm: float, depth_mm: float, across_mm: float
+) -> None:
+    """By how much [mm] the table's would have to be moved to fit the finite elements' best."""
+    scene = palpate.load_scene("TIT")
+    moved = {"x_mm": x_mm, "depth_mm": depth_mm, "diameter_mm": across_mm}
+    over = scene.model_copy(update={"inclusion": (scene.inclusion[0].model_copy(update=moved),)})
+    bare = scene.model_copy(update={"inclusion": ()})
+    at_mm, k = x_mm + np.arange(-6.0, 7.0, 2.0), 2
+    solved_n = [[at_depths(each, 1e-3 * x)[k].force_n[0] for x in at_mm] for each in (over, bare)]
+
+    def bump_n(aside_mm: float) -> Array:
+        return np.subtract(*(
+            palpate.touch(each).force_n(at_mm - aside_mm, 5 * SUNK[k]) for each in (over, bare)
+        ))  # fmt: skip
+
+    slope = (bump_n(0.1) - bump_n(-0.1)) / 0.2
+    off = slope @ (np.subtract(*solved_n) - bump_n(0.0)) / (slope @ slope)
+    assert abs(off) < 0.16
