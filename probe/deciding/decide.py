@@ -17,7 +17,7 @@ from drivers.core.arrays import Array
 from probe.deciding.limits import Chance, Limits, Positive
 from probe.deciding.presses_made import PressesMade
 from probe.detection.beneath.hypotheses import Likelihood
-from probe.detection.beneath.known import FEWEST_PLACES
+from probe.detection.beneath.known import MIN_PLACES
 from probe.detection.beneath.row_evidence import NONE, RowEvidence, row_evidence
 from probe.detection.beneath.weighed import MOST, Weighed
 from probe.detection.classify.kinds import ELSE
@@ -32,7 +32,7 @@ DRAWS = 200
 LEAST = 1e-3
 """Information [nat] of a press that is still worth its contact. Over the paper's lump at 0.5 mN the
 ninth press is the last; six more move its chance from 90 to 91 %."""
-APART_M = 2e-3
+SAME_PLACE_M = 2e-3
 """Places as near as that are one to a choice."""
 
 
@@ -94,7 +94,7 @@ class Decide(PressesMade):
     def _first(self, rest: Sequence[Place]) -> Place | None:
         """What is still to be pressed before anything is weighed."""
         x_m = np.array([place.x_m for place in self._plan.places])
-        thirds_m = x_m.min() + np.ptp(x_m) * (np.array([1, 0, 2]) + 0.5) / FEWEST_PLACES
+        thirds_m = x_m.min() + np.ptp(x_m) * (np.array([1, 0, 2]) + 0.5) / MIN_PLACES
         wanted = [self._plan.places[int(np.argmin(np.abs(x_m - at_m)))] for at_m in thirds_m]
         return next((place for place in wanted if place in rest), None)
 
@@ -146,7 +146,7 @@ def _predicted(row: Weighed, likelihood: Likelihood, x: Array) -> tuple[Array, A
         weight.append(np.full(DRAWS, row.chances[bodies] / DRAWS))
         of = np.full((DRAWS, 1 + MOST), float(which))
         places_m = likelihood.half_width_m * bodies.places(points).T
-        of[:, 1 : 1 + len(bodies.kinds)] = np.round(places_m / APART_M)
+        of[:, 1 : 1 + len(bodies.kinds)] = np.round(places_m / SAME_PLACE_M)
         group.append(of)
     return np.concatenate(readings), np.concatenate(weight), np.concatenate(group)
 

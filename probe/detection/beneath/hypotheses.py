@@ -46,7 +46,7 @@ STEP = 1e-3
 DRAWN, STARTS = 2000, 6
 """Points of the prior that are tried for each body, and the best ones that a fit starts from."""
 
-APART = 1.6
+MIN_DISTANCE = 1.6
 """Half widths between two bodies at least: 8 mm for a finger of 5 mm radius. Bumps add there: two
 lumps at 8, 12 and 16 mm are off by 1.7, 0.5 and 0.1 % of the force, vessels by 0.04 % at most."""
 
@@ -161,7 +161,7 @@ class Likelihood:
         ]
 
     def added(self, bodies: Bodies, theta: Array, x: Array) -> Array:
-        """The same of all bodies together: their bumps add (`APART`)."""
+        """The same of all bodies together: their bumps add (`MIN_DISTANCE`)."""
         nothing = np.zeros((len(theta), len(x), len(self.sunk), 2))
         return sum(self.ratios(bodies, theta, x), nothing)
 
@@ -226,7 +226,7 @@ class Likelihood:
                 return np.ones(len(theta), dtype=bool)
             each = [kind.fits(bodies.of(theta, n, self.block))
                     for n, kind in enumerate(bodies.kinds)]  # fmt: skip
-            far_enough = np.diff(bodies.places(theta), axis=0) >= APART
+            far_enough = np.diff(bodies.places(theta), axis=0) >= MIN_DISTANCE
             return np.asarray(np.all(each, axis=0) & far_enough.all(axis=0))
 
         log_norm = -0.5 * (log_det + count * np.log(2 * np.pi))
@@ -254,7 +254,7 @@ class Likelihood:
         while len(points) and len(starts) < STARTS:
             starts.append(points[0])
             aside = np.abs(points[:, at] - points[0, at]).max(axis=1, initial=0.0)
-            points = points[aside > APART / 2]
+            points = points[aside > MIN_DISTANCE / 2]
         return np.array(starts)
 
     def _noise(

@@ -15,7 +15,7 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.table import TouchTable
 
-FEWEST_PLACES = 3
+MIN_PLACES = 3
 """Of which one may be over what lies there, beside the others."""
 
 
@@ -34,8 +34,8 @@ class Known(NamedTuple):
         data = row_data(presses, self.face_m2)
         if data is None:
             return "the run holds no ramps with places and depths"
-        if len(np.unique(data.x_m)) < FEWEST_PLACES:
-            return f"a row of at least {FEWEST_PLACES} stations is needed"
+        if len(np.unique(data.x_m)) < MIN_PLACES:
+            return f"a row of at least {MIN_PLACES} stations is needed"
         likelihood = Likelihood(data, self.table, self.scene, self.priors)
         deepest = self.table.depths[1]
         if likelihood.sunk[-1] > 1.01 * deepest:

@@ -27,7 +27,7 @@ STEP, STEPS = 1e-5, 12
 FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-2
 """Of steps to a mode, over the curvature; its change from step to step (Marquardt 1963 takes 10);
 and what steps gain [nat] at least."""
-FEWEST = 8
+MIN_POINTS = 8
 """Effective points a parameter that a proposal is fitted to, by flattening the weights."""
 
 
@@ -252,7 +252,7 @@ def _fitted(logits: Array, log_weight: Array) -> list[Component]:
     while True:
         weights = np.exp(power * (log_weight - log_weight.max()))
         weights /= weights.sum()
-        if 1 / (weights**2).sum() >= FEWEST * size or power < 1e-4:
+        if 1 / (weights**2).sum() >= MIN_POINTS * size or power < 1e-4:
             break
         power *= 0.7
     middle, spread = _moments(logits, weights)

@@ -13,7 +13,7 @@ SHARES = (0.2, 0.4, 0.7, 1.0)
 presses are solved at these (`sim_backend.models.train_touch`)."""
 WINDOW = 0.08
 """Of the hold's depth: as far to either side samples of the ramp are taken."""
-FEWEST = 8
+MIN_SAMPLES = 8
 """Samples of a window, to fit a line to and to know how far they scatter."""
 
 
@@ -85,7 +85,7 @@ def _ramp_pa(press: Press, sunk_m: Array) -> tuple[Array, Array] | None:
     mean, deviation = [], []
     for at in sunk_m:
         near = np.abs(depth - at) <= WINDOW * station.hold_depth_m
-        if near.sum() < FEWEST:
+        if near.sum() < MIN_SAMPLES:
             return None
         parabola = np.polyfit(depth[near] - at, signal[near], 2)
         scatter = (signal[near] - np.polyval(parabola, depth[near] - at)).std(ddof=3)

@@ -13,7 +13,7 @@ KNOWN = 0.5
 """Half of an interval over its middle, up to which a length or modulus has a value beside it."""
 WORST = 0.01
 """Chance of a greater misfit, below which the body in the table is not what lies there."""
-FEWEST = 100.0
+MIN_EFFECTIVE = 100.0
 """Effective points of a posterior whose 95 % interval is stated; with 100 its ends scatter
 by a tenth of its width."""
 AT_THE_END = 0.5
@@ -48,7 +48,7 @@ def sizes(
     is open."""
     if isinstance(posterior, Misfit):
         return unknown(why_unknown(posterior))
-    if posterior.effective < FEWEST:
+    if posterior.effective < MIN_EFFECTIVE:
         return unknown("its posterior could not be sampled well enough to state intervals")
 
     def of(name: str) -> Any:

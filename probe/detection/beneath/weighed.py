@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
-from probe.detection.beneath.hypotheses import APART, Bodies, Likelihood
+from probe.detection.beneath.hypotheses import MIN_DISTANCE, Bodies, Likelihood
 from probe.detection.beneath.posterior import Fit, Posterior, laplace, sample
 from probe.detection.beneath.stated import Misfit, misfit_of
 from probe.detection.classify.kinds import ELSE, PRIOR
@@ -62,7 +62,7 @@ class Weighed:
             if len(others.kinds) == len(bodies.kinds):
                 share = float(others.kinds[n].beats == beats)
             else:
-                near = np.abs(others.places(posterior.points) - at) < APART
+                near = np.abs(others.places(posterior.points) - at) < MIN_DISTANCE
                 alike = [kind.beats == beats for kind in others.kinds]
                 share = float((near[alike] @ posterior.weights).sum())
             total += self.chances[others] * share
