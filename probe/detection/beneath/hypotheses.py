@@ -176,17 +176,17 @@ class Likelihood:
         covariance, shift = self._noise(bodies, posterior.best, error, 0.0)
         weight = np.linalg.solve(covariance, error)
         off = (self.measured - shift - self.predicted(bodies, points)) @ weight
-        left = np.sqrt(np.diag(error - error @ weight))
-        near = np.clip(np.searchsorted(self.x, own[:, 0]), 1, count - 1)
-        share = np.clip((own[:, 0] - self.x[near - 1]) / np.diff(self.x)[near - 1], 0.0, 1.0)
+        left = np.sqrt(np.maximum(np.diag(error - error @ weight), 0.0))
+        place = np.interp(own[:, 0], self.x, np.arange(count))
+        near = np.minimum(place.astype(int), count - 2)
         held = slice(len(self.sunk) - 1, self.bare.size, len(self.sunk))
 
         def there(at_stations: Array) -> Array:
             rows = np.broadcast_to(at_stations, (len(points), count))
             before, after = (
-                np.take_along_axis(rows, k[:, None], 1)[:, 0] for k in (near - 1, near)
+                np.take_along_axis(rows, k[:, None], 1)[:, 0] for k in (near, near + 1)
             )
-            return np.asarray((1 - share) * before + share * after)
+            return np.asarray(before + (place - near) * (after - before))
 
         total = (1 + bump) * np.exp(there(off[:, held]))
         beats = pulse / (1 + bump) + there(off[:, self.bare.size :])

@@ -399,3 +399,17 @@ def test_a_row_scanned_from_right_to_left_says_the_same() -> None:
     )
     assert one.kind == other.kind == "tumour"
     assert other.peak_pa == pytest.approx(one.peak_pa, rel=0.01)
+
+
+def test_a_body_under_a_first_station_that_is_pressed_twice_is_known() -> None:
+    scan = recorded_over([palpate.load_scene("TIT")])
+    twice = tuple(replace(each, index=2 * n + k) for n, each in enumerate(scan.stations)
+                  for k in (0, 1))  # fmt: skip
+    known, presses = known_block(scan), presses_of(replace(scan, stations=twice), 0.005)
+    assert not isinstance(known, str)
+    row = known.row(presses)
+    assert not isinstance(row, str)
+    lump = Bodies((LUMP,))
+    at_first = laplace(row.model(lump)).alone()
+    at_first.points[0, lump.column(0, "x")] = row.x[0]
+    assert np.isfinite(row.over(lump, 0, at_first)).all()
