@@ -29,14 +29,14 @@ class SolvedAhead:
     """
 
     def __init__(self, stations: Iterable[Station]) -> None:
-        unknown = dict.fromkeys(one for one in stations if not is_known(one))
+        unknown = dict.fromkeys(place for place in stations if not is_known(place))
         self._theirs: dict[Station, Future[StationResponse]] = {}
         self._workers: Workers | None = None
         count = min(processors(), len(unknown)) - 1
         if count > 0 and parent_process() is None:
             self._workers = Workers(count)
-            for one in unknown:
-                self._submit(one)
+            for place in unknown:
+                self._submit(place)
 
     def __call__(
         self, scene: Scene, x_m: float, max_depth_m: float, array: TaxelArray | None = None
@@ -53,25 +53,25 @@ class SolvedAhead:
                 learn(asked, theirs.result())
         return station_response.respond(scene, x_m, max_depth_m, array)
 
-    def _submit(self, one: Station) -> None:
+    def _submit(self, place: Station) -> None:
         assert self._workers is not None
         with suppress(OSError, RuntimeError):  # no process is to be had: it is solved here
-            self._theirs[one] = self._workers.submit(station_response.respond, *one)
+            self._theirs[place] = self._workers.submit(station_response.respond, *place)
 
     def _put_off(self, asked: Station) -> None:
         """What lies before ``asked`` comes last: in a resumed scan it may never be asked for."""
-        before = takewhile(lambda one: one != asked, list(self._theirs))
-        for one in before if asked in self._theirs else ():
-            if self._theirs[one].cancel():
-                del self._theirs[one]
-                self._submit(one)
+        before = takewhile(lambda place: place != asked, list(self._theirs))
+        for place in before if asked in self._theirs else ():
+            if self._theirs[place].cancel():
+                del self._theirs[place]
+                self._submit(place)
 
     def _taken_back(self) -> Station | None:
         """The last station that no worker has begun."""
-        for one, theirs in reversed(list(self._theirs.items())):
+        for place, theirs in reversed(list(self._theirs.items())):
             if theirs.cancel():
-                self._theirs.pop(one, None)
-                return one
+                self._theirs.pop(place, None)
+                return place
         return None
 
     def close(self) -> None:

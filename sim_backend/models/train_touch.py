@@ -37,7 +37,7 @@ HELD_OUT = 5
 ROUNDS, FAR = 4, 2.385
 """Of least squares, each with the weight 1 / (1 + (r / FAR)^2) that a state's residual r of the
 round before leaves it, in standard deviations (Cauchy's weights; Holland & Welsch 1977, table 1):
-of a finger half beside its block the finite elements themselves are off by up to a third."""
+far aside of a vessel, at its block's side, a bump is up to a hundred times `Kind.size`."""
 SD_OF_MEDIAN = 1.4826  # of a normal distribution (Hampel 1974)
 FREEDOM = 5.0
 """Degrees of freedom of Student's t, as which presses held out are off."""

@@ -17,7 +17,7 @@ from sim_backend.touch.table import TouchTable, block_of
 
 PLACES, DEPTHS = 321, 33
 """Of the grid on which a scene's forces are interpolated by cubics: the built-in scenes' are then
-within 6e-6 of the table's, which is off by 1.6e-3 (median, `benchmarks/touch.py`); within 1 mm of a
+within 1e-6 of the table's, which is off by 1.2e-3 (median, `benchmarks/touch.py`); within 1 mm of a
 block's sides, where the table's own coordinates are clipped, within 2e-3 of the largest force."""
 FOUR = np.arange(4)[:, None]
 AT_ONCE = 4096

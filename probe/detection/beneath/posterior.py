@@ -24,6 +24,8 @@ MODES = 3
 NEAR, LOWER = 0.1, 6.0
 """Of a range, how near modes are one; and how much lower [nat] one may be that matters."""
 STEP, STEPS = 1e-5, 12
+"""To take a slope by, and steps to a mode at most: with 10 and with 15 of them 64 rows of random
+bodies have as many bodies, in the same places."""
 FIRST_DAMPING, CHANGE, LEAST_STEP = 1.0, 5.0, 1e-2
 """Of steps to a mode, over the curvature; its change from step to step (Marquardt 1963 takes 10);
 and what steps gain [nat] at least."""
