@@ -7,6 +7,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.presses import Press
+from probe.detection.pulse.search import Search
 
 SHARES = (0.2, 0.4, 0.7, 1.0)
 """Of the hold's depth: where on the ramp forces are taken, the last in the hold. A touch table's
@@ -20,7 +21,8 @@ MIN_SAMPLES = 8
 @dataclass(frozen=True)
 class RowData:
     """``force_n`` (n, d) at ascending places ``x_m`` (n,) and depths ``sunk_m`` (d,), with standard
-    deviations of noise alone, and ``pulse_n`` (n,) at the last depth, trough to crest."""
+    deviations of noise alone, and ``pulse_n`` (n,) at the last depth, trough to crest.
+    ``searches`` (n,) for the pulse, in Pa; none where a reference gave the beats."""
 
     x_m: Array
     sunk_m: Array
@@ -28,6 +30,7 @@ class RowData:
     force_sd_n: Array
     pulse_n: Array
     pulse_sd_n: Array
+    searches: tuple[Search, ...] = ()
 
     @property
     def slope_n_per_m(self) -> Array:
@@ -58,11 +61,12 @@ def row_data(presses: Sequence[Press], face_m2: float) -> RowData | None:
     if (level <= 0).any():  # logarithms are compared
         return None
     pulse, pulse_sd = np.array([_pulse_pa(p) for p in known]).T
+    searches = tuple(p.pulse.search for p in known if p.pulse and p.pulse.search)
     # a beat may be anywhere in its wave while the ramp passes: about a third of it, as a deviation
     level_sd = np.hypot(level_sd, np.where(np.array(SHARES) < 1, 0.35 * pulse[:, None], 0.0))
     return RowData(
         np.array([p.station.x_m for p in known]), sunk_m, face_m2 * level, face_m2 * level_sd,
-        face_m2 * pulse, face_m2 * pulse_sd,
+        face_m2 * pulse, face_m2 * pulse_sd, searches if len(searches) == len(known) else (),
     )  # fmt: skip
 
 

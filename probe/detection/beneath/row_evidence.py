@@ -24,7 +24,9 @@ from probe.detection.classify.kinds import (
     judge,
 )
 from probe.detection.finding import LUMP, NAMED, UNDECIDED, VESSELS, ObjectFinding, stated
+from probe.detection.map.unseen_pulse import MIN_SHARE
 from probe.detection.priors import DEFAULT, Priors
+from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, chance_of_pulse
 from sim_backend.touch.kinds import aside
 
@@ -88,7 +90,9 @@ def _object(
         said = judge(Seen(*pulse_share, *contrast))
         of_kinds = {LUMP: lump} | _shared(vessel * moving, VESSELS, said.chances)
     else:
-        said = judge(Seen(0.0, 0.0, *contrast, hidden=_hidden(n, bodies, posterior, likelihood)))
+        said = judge(
+            Seen(0.0, 0.0, *contrast, hidden=_hidden(n, bodies, posterior, likelihood, face_m2))
+        )
         of_kinds = _shared(lump + vessel, NAMED, said.chances)
     chances: dict[str, float] = {**of_kinds, NONE: row.of(0)}
     chances[ELSE] = max(1 - sum(chances.values()), 0.0)
@@ -119,14 +123,18 @@ def _shared(
     return {kind: probability * chances[kind] / total for kind in kinds}
 
 
-def _hidden(n: int, bodies: Bodies, posterior: Posterior, likelihood: Likelihood) -> Array:
+def _hidden(
+    n: int, bodies: Bodies, posterior: Posterior, likelihood: Likelihood, face_m2: float
+) -> Array:
     """Likelihood of pulses of `SIZES` over the force at the ``n``-th body beside that of none,
     where no press shows one: it falls aside as the bump does."""
-    best = posterior.best[None]
+    best, data = posterior.best[None], likelihood.data
     _, falls = aside(likelihood.x, bodies.of(best, n, likelihood.block))
-    sd_n = 1 / np.linalg.norm(falls / likelihood.data.pulse_sd_n)
-    force_n = np.interp(bodies.places(best)[n], likelihood.x, likelihood.data.force_n[:, -1])
-    return np.asarray(np.exp(-0.5 * (SIZES * force_n / sd_n) ** 2))
+    wanted_n = SIZES * np.interp(bodies.places(best)[n], likelihood.x, data.force_n[:, -1])
+    if not data.searches:
+        return np.asarray(np.exp(-0.5 * (wanted_n * np.linalg.norm(falls / data.pulse_sd_n)) ** 2))
+    felt = np.flatnonzero(falls >= min(MIN_SHARE, falls.max()))
+    return hidden([data.searches[k] for k in felt], falls[felt], wanted_n / face_m2)
 
 
 def _known(posterior: Posterior, values: Array, sd: Array) -> tuple[float, float]:
